@@ -1,5 +1,6 @@
 """Settings and fixtures that all tests share."""
 
+import functools
 import gc
 import os
 import sys
@@ -42,13 +43,18 @@ def pytest_collection_modifyitems(items):
 
     What `make test` leaves out is marked as exhaustive where it stands.
     """
+    for item in items:
+        if is_slow(item.path) or {"warm", "simulator", "real_data"} & set(item.fixturenames):
+            item.add_marker("slow")
+
+
+@functools.cache
+def is_slow(path):
+    """Whether the tests of a file are."""
     folders = [ROOT / "tests" / "unit" / name for name in SLOW]
     folders += [ROOT / "plugins" / name / "tests" for name in SLOW_PLUGINS]
-    for item in items:
-        inside = any(folder in item.path.parents for folder in folders)
-        inside |= ROOT / "tests" in item.path.parents and item.path.stem in SLOW_FILES
-        if inside or {"warm", "simulator", "real_data"} & set(item.fixturenames):
-            item.add_marker("slow")
+    inside = any(folder in path.parents for folder in folders)
+    return inside or (ROOT / "tests" in path.parents and path.stem in SLOW_FILES)
 
 
 def pytest_collection_finish():

@@ -72,16 +72,16 @@ def test_faulty_code_of_a_plugin_hurts_only_those_who_use_it(scenefw, tmp_path):
     write_plugin(tmp_path / "plugins" / "counting")
     write_plugin(tmp_path / "plugins" / "bad", "bad", "run/bad", "this is no Python\n")
     assert scenefw("run=count", "device=cpu", "paths.output=out").returncode == 0
-    done = scenefw("run=bad", "device=cpu", "paths.output=out")
+    done = scenefw("run=bad", "device=cpu", "paths.output=out", "-v")
     assert done.returncode == 2
-    assert "scenefw_bad" in done.stderr
+    assert "Traceback" in done.stderr
+    assert "scenefw_bad" in done.stderr.splitlines()[-1]
 
 
 @pytest.mark.parametrize(
     ("code", "word"),
     [
         ("import no_such_library", "install the package that has no_such_library"),
-        ("import json.no_such_module", "No module named 'json.no_such_module'"),
         ("from json import no_such_name", "cannot import name 'no_such_name'"),
         ("raise SystemExit(7)", "SystemExit: 7"),
     ],
@@ -93,10 +93,6 @@ def test_what_keeps_a_module_from_being_imported_is_told(scenefw, tmp_path, code
     (line,) = done.stderr.splitlines()
     assert "scenefw_bad.count.Count" in line
     assert word in line
-    verbose = scenefw("run=bad", "device=cpu", "paths.output=out", "-v")
-    assert verbose.returncode == 2
-    assert "Traceback" in verbose.stderr
-    assert verbose.stderr.splitlines()[-1] == line
 
 
 @pytest.mark.parametrize("same", ["name", "package"])
@@ -110,7 +106,6 @@ def test_of_two_plugins_with_one_name_the_second_is_left_out_with_a_word(scenefw
         project = project.replace('"scenefw_counting"', '"scenefw_second"')
         (other / "src" / "scenefw_counting").rename(other / "src" / "scenefw_second")
     (other / "pyproject.toml").write_text(project)
-    assert scenefw("run=count", "device=cpu", "paths.output=out").returncode == 0
     done = scenefw("run=second", "device=cpu", "paths.output=out")
     assert done.returncode == 2
     (line,) = (line for line in done.stderr.splitlines() if "left out" in line)

@@ -1,10 +1,12 @@
 """Numbers out of range are named before the work, whatever part they are of."""
 
 import pytest
+from hydra.errors import InstantiationException
+from hydra.utils import instantiate
+from tests.composed import base
 from tests.unit.learning.plain import Network, task
 from tests.unit.tasks.scattering import Scattering
 
-from scenefw import registry
 from scenefw.core.errors import ConfigError
 from scenefw.learning.resumable import ResumableModule
 from scenefw.learning.runtime.trainer import TrainerSettings
@@ -26,9 +28,11 @@ from scenefw.tasks.train import Train
 )
 def test_of_a_component(option, names):
     group, _, chosen = option.partition("=")
+    settings = base(f"+{group}@component={chosen}").component
     for name in names.split():
-        with pytest.raises(ConfigError, match=rf"{name} = -1: expected"):
-            registry.build(group, chosen, **{name: -1})
+        with pytest.raises(InstantiationException) as raised:
+            instantiate(settings, **{name: -1})
+        assert f"{name} = -1: expected" in str(raised.value.__cause__)
 
 
 @pytest.mark.parametrize(

@@ -51,8 +51,8 @@ def fresh(wheel, tmp_path_factory):
 @pytest.fixture
 def run(fresh, tmp_path):
     """A command of that environment, in an empty folder far from the checkout."""
-    # Compiled kernels of other paths don't count: made without effort, as they are used once.
-    own = {"XDG_CACHE_HOME": str(tmp_path / "cache"), "NUMBA_OPT": "1"}
+    # Compiled kernels of other paths don't count: made without effort, as they are used here alone.
+    own = {"XDG_CACHE_HOME": str(fresh / "cache"), "NUMBA_OPT": "1"}
     env = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"} | own
 
     def command(name, *words):

@@ -1,7 +1,7 @@
 """Runs modules in processes that are forked from one that has already imported what takes long.
 
-A new Python takes three seconds to import torch and Lightning. Here one process imports them,
-parses the settings files, lets numba look at what it can compile, computes nothing, and is forked
+A new Python takes three seconds to import torch and Lightning. Here one process imports them and
+scenefw, parses the settings files, lets numba look at what it can compile, and is forked
 for each command, which thus starts in milliseconds, as alone as in a process of its own: its own
 folder, environment, arguments, output and exit status.
 """
@@ -11,6 +11,7 @@ import gc
 import importlib
 import json
 import os
+import pkgutil
 import runpy
 import signal
 import subprocess
@@ -24,6 +25,8 @@ SLOW = ("hydra", "jinja2", "lightning", "matplotlib.pyplot", "numba.cuda", "rich
         "scipy.ndimage", "scipy.stats", "skimage.measure", "torch", "torch.utils.tensorboard",
         "torchmetrics")  # fmt: skip
 ROOT = Path(__file__).parents[1]
+READ_AT_IMPORT = ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "HOME")
+"""Variables that modules of scenefw read when they are imported."""
 
 
 class Warm:
@@ -86,6 +89,7 @@ def serve():
 
         parsed.install()
         parsed.read(ROOT / "conf")
+        _import_scenefw()
         _let_numba_look_around()
     gc.collect()
     gc.freeze()  # else each child looks for garbage among all that torch has made
@@ -95,6 +99,21 @@ def serve():
         if not child:
             _become(*order)
         print(_status(child, order[-1]), flush=True)
+
+
+def _import_scenefw():
+    """All modules but those that need a library that isn't there."""
+    import scenefw
+
+    for module in pkgutil.walk_packages(scenefw.__path__, "scenefw."):
+        if not module.name.endswith("__main__"):
+            with contextlib.suppress(ImportError):
+                importlib.import_module(module.name)
+
+
+def _forget_scenefw():
+    for name in [name for name in sys.modules if name.partition(".")[0] == "scenefw"]:
+        del sys.modules[name]
 
 
 def _let_numba_look_around():
@@ -128,6 +147,8 @@ def _become(module, words, cwd, env, files, timeout):
     nothing = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)
     os.chdir(cwd)
+    if any(env.get(name) != os.environ.get(name) for name in READ_AT_IMPORT):
+        _forget_scenefw()
     os.environ.clear()
     os.environ.update(env)
     sys.path[0] = cwd

@@ -97,10 +97,10 @@ def find() -> tuple[Plugin, ...]:
 def _visible(plugin: Plugin) -> Iterator[Plugin]:
     """The plugin, unless Python finds another package of that name first."""
     installed = {entry.value for entry in _entry_points(tuple(sys.path))}
-    spec = importlib.util.find_spec(plugin.package)
-    if plugin.source is not None and spec is not None and plugin.package not in installed:
-        places = [Path(place) for place in spec.submodule_search_locations or [str(spec.origin)]]
-        if not any(place.is_relative_to(plugin.source) for place in places):
+    if plugin.source is not None and plugin.package not in installed:
+        spec = importlib.util.find_spec(plugin.package)
+        places = [] if spec is None else spec.submodule_search_locations or [str(spec.origin)]
+        if places and not any(Path(place).is_relative_to(plugin.source) for place in places):
             reason = f"its package has the name of {places[0]}; rename the package"
             _leave_out(plugin.conf.parent, reason)
             return
@@ -168,9 +168,15 @@ def _read(folder: Path) -> Plugin:
 
 def _toml(file: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(utf8_text(file))
+        return _parsed(utf8_text(file))
     except (ValueError, RecursionError) as error:  # nested without end
         raise ValueError(f"{file.name}: {str(error) or type(error).__name__}") from error
+
+
+@functools.cache
+def _parsed(text: str) -> dict[str, Any]:
+    """What TOML says; plugins are looked for again and again, and parsing takes longest."""
+    return tomllib.loads(text)
 
 
 def _hint(package: Path) -> str:

@@ -19,10 +19,17 @@ from scenefw.perception.estimate.shape_cues import CUES
 from scenefw.postprocessing.confidence import ExpectedOverlap
 from scenefw.report.presentation import Chapter
 from scenefw_annotated_views.annotations import AnnotatedObject, AnnotatedView, Silhouette
+from scenefw_single_view_benchmarks import confidence_results
 from scenefw_single_view_benchmarks.confidence import ConfidenceEvaluation
 from scenefw_single_view_benchmarks.confidence_results import ConfidenceResult, ObjectConfidence
 
 UPRIGHT = Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+
+
+@pytest.fixture(autouse=True)
+def few_resamples(monkeypatch):
+    """Bounds of ranks and groups from 50 resamples; 1000 take a quarter of a second each."""
+    monkeypatch.setattr(confidence_results, "_RESAMPLES", 50)
 
 
 class TwoBoxes:

@@ -1,5 +1,7 @@
 """Scenes of things are at rest, repeatable, stored as numbers, and each pixel has its class."""
 
+import functools
+
 import numpy as np
 import pytest
 import trimesh
@@ -26,9 +28,12 @@ from scenefw_things.shapes.thing import Thing
 COUNT = 8
 
 
+SHAPES = functools.cache(functools.partial(registry.build, "shape", "things"))
+
+
 def source(**settings):
     crowded = Surroundings(edges=0.6, second=0.8, walls=0.8, standing=0.8, hanging=0.8)
-    return ThingScenes(registry.build("shape", "things"), FastPhysics(), crowded, **settings)
+    return ThingScenes(SHAPES(), FastPhysics(), crowded, **settings)
 
 
 @pytest.fixture(scope="module")
@@ -62,12 +67,17 @@ def _deepest(first, second):
     world = corners @ first.pose.rotation.T + first.pose.position
     local = (world - second.pose.position) @ second.pose.rotation
     depths = [0.0]
-    for part in second.thing.parts:
-        hull = trimesh.convex.convex_hull(part.corners)
-        normals = hull.face_normals
-        offsets = np.einsum("ij,ij->i", normals, hull.triangles[:, 0])
+    for normals, offsets in planes(second.thing):
         depths.append(float(-(local @ normals.T - offsets).max(axis=1).min()))
     return max(depths)
+
+
+@functools.cache
+def planes(thing):
+    """Normals (N, 3) of each convex part's faces, and their distances (N,) from the origin."""
+    hulls = [trimesh.convex.convex_hull(part.corners) for part in thing.parts]
+    return [(hull.face_normals, np.einsum("ij,ij->i", hull.face_normals, hull.triangles[:, 0]))
+            for hull in hulls]  # fmt: skip
 
 
 def test_most_stay_where_they_are(scenes):
@@ -147,14 +157,13 @@ def world_points(image):
 
 def test_splits_decide_the_families():
     pytest.importorskip("pybullet")
-    shapes = registry.build("shape", "things")
     for split in ("train", "final"):
         scene = next(
             filter(None, (source(maximum=6, split=split).generate(i, 0) for i in range(9)))
         )
         families = {item.thing.family for item in things(scene)}
         assert scene.split == split
-        assert families <= set(shapes.families[split])
+        assert families <= set(SHAPES().families[split])
 
 
 @pytest.mark.parametrize("name", ["robot_arm", "robot_gripper", "forearm", "crate"])

@@ -11,7 +11,7 @@ from scenefw.core.types import PlacedShape, Pose
 from scenefw.shapes.solid_mesh import closed
 from scenefw_things.shapes.families import FAMILIES
 from scenefw_things.shapes.library import PARTS
-from scenefw_things.shapes.source import as_solid
+from scenefw_things.shapes.source import Things, as_solid
 from scenefw_things.shapes.thing import Thing
 
 
@@ -132,7 +132,7 @@ def test_compounds_of_bullet_are_dealt_out_by_number():
 @pytest.mark.parametrize("families", [{"train": ["teapot"]}, {"training": ["can"]}, {"train": []}])
 def test_wrong_lists_are_told(families):
     with pytest.raises(ConfigError, match="expected a list for train, val, test, final"):
-        registry.build("shape", "things", families=families)
+        Things(families)
 
 
 def test_a_part_without_things_is_told(library):

@@ -15,7 +15,7 @@ from scenefw.scenes.surround import SurroundingCameras
 
 METHOD = Decomposer(
     fitted_parts(grid=GridSpec(resolution=48)),
-    MeshViews(SurroundingCameras(320, 240, ring=4)),
+    MeshViews(SurroundingCameras(240, 180, ring=4)),
     max_views=3,
 )
 

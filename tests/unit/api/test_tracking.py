@@ -16,7 +16,7 @@ BASE = np.array([[0, -1, 0, 0.5], [1, 0, 0, 0.1], [0, 0, 1, 0.2], [0, 0, 0, 1.0]
 @pytest.fixture(scope="module")
 def predictions():
     """A box moves by 6 cm along x, in the images of a camera whose pose in a base is known."""
-    tracking = Predictor(pipeline()).track()
+    tracking = Predictor(pipeline(samples=1)).track()
     shifted = (box(-0.2, -0.06), *CROWD[1:])
     pose = BASE @ camera().T_world_camera
     return [
@@ -37,7 +37,7 @@ def test_objects_have_the_same_ids_in_all_images(predictions):
 
 
 def test_a_single_image_has_no_tracks(predictions):
-    alone = Predictor(pipeline()).predict(image(CROWD, 0).depth, camera())
+    alone = Predictor(pipeline(samples=1)).predict(image(CROWD, 0).depth, camera())
     assert alone.tracks == ()
     for item, again in zip(alone.objects, predictions[0].objects, strict=True):
         np.testing.assert_array_equal(item.mesh.vertices, again.mesh.vertices)
@@ -60,7 +60,7 @@ def test_motions_are_written_in_the_coordinates_of_the_objects(predictions, tmp_
 
 
 def test_what_is_wrong_is_said(predictions):
-    tracking = Predictor(pipeline()).track()
+    tracking = Predictor(pipeline(samples=1)).track()
     tracking.predict(image(CROWD, 0).depth, camera(), name="first")
     with pytest.raises(InputError, match="no intrinsics of image_2"):
         tracking.predict(image(CROWD, 1).depth)

@@ -1,7 +1,5 @@
 import os
 import pstats
-import subprocess
-import sys
 
 import numba
 import pytest
@@ -48,7 +46,7 @@ def test_one_thread_and_no_operation_that_depends_on_their_order():
     assert (torch.get_num_threads(), numba.get_num_threads()) == (1, 1)
 
 
-def test_one_thread_also_where_no_loop_of_numba_has_run_before():
+def test_one_thread_also_where_no_loop_of_numba_has_run_before(warm, tmp_path):
     script = (
         "import torch\n"
         "from scenefw.execution.modifiers import make_deterministic\n"
@@ -56,8 +54,6 @@ def test_one_thread_also_where_no_loop_of_numba_has_run_before():
         "make_deterministic()\n"
         "print(torch.get_num_threads())"
     )
-    environment = os.environ | {"NUMBA_NUM_THREADS": "2"}
-    done = subprocess.run(
-        [sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=True
-    )
-    assert done.stdout.split() == ["1"]
+    (tmp_path / "script.py").write_text(script)
+    done = warm("script", [], tmp_path, dict(os.environ))
+    assert done.stdout.split() == ["1"], done.stderr

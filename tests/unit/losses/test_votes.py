@@ -35,22 +35,6 @@ def test_voxels_of_objects_have_their_share_of_the_loss(share):
     assert float(loss) == pytest.approx(expected, rel=1e-5)
 
 
-def test_a_scene_without_objects_has_a_finite_loss():
-    prediction, batch = random_pair()
-    empty = replace(batch, targets={"votes": torch.zeros_like(batch.votes)})
-    assert torch.isfinite(VoteLoss(object_share=0.8)(prediction, empty))
-
-
-@pytest.mark.parametrize("share", [0.25, 0.8])
-def test_objects_may_have_a_share_of_the_loss(share):
-    prediction, batch = random_pair(5)
-    error = np.linalg.norm(prediction.votes.detach().numpy() - batch.votes.numpy(), axis=1)
-    inside = batch.tsdf.numpy()[:, 0] < 0
-    expected = share * error[inside].mean() + (1 - share) * error[~inside].mean()
-    loss = VoteLoss(epsilon=1e-6, object_share=share)(prediction, batch)
-    assert float(loss) == pytest.approx(expected, rel=1e-5)
-
-
 def test_a_grid_without_objects_has_no_object_term():
     prediction, batch = random_pair(3)
     empty = replace(batch, targets={"votes": torch.zeros_like(batch.votes)})

@@ -1,3 +1,4 @@
+import functools
 import json
 import warnings
 from dataclasses import replace
@@ -183,6 +184,7 @@ def test_the_pipeline_that_ships_finds_nothing_on_a_bare_table(waves):
     assert estimate.details["warnings"]
 
 
+@functools.cache
 def _shipped():
     words = ["run=predict", "input=x", "device=cpu", "reconstructor.samples=1"]
     return instantiate(config.compose(words).run.pipeline)

@@ -22,7 +22,7 @@ from scenefw_simulators.urdf import URDF
 
 def task(path, output, **settings):
     pipeline = fitted_parts(grid=GridSpec(resolution=48))
-    meshes = MeshViews(SurroundingCameras(320, 240, ring=4))
+    meshes = MeshViews(SurroundingCameras(240, 180, ring=4))
     return Decompose(path, pipeline, meshes, output, **settings)
 
 

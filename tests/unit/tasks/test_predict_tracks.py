@@ -20,10 +20,9 @@ def records(output):
     return {path.parent.name: json.loads(path.read_text()) for path in output.glob("*/scene.json")}
 
 
-def predict(folder, output, **settings):
-    return Predict(
-        folder, pipeline(), output, overview=False, page=False, track=True, **settings
-    ).run()
+def predict(folder, output, samples=1):
+    hidden = {"overview": False, "page": False}
+    return Predict(folder, pipeline(samples), output, track=True, **hidden).run()
 
 
 def test_images_of_a_folder_name_the_same_object_alike(tmp_path):
@@ -31,7 +30,7 @@ def test_images_of_a_folder_name_the_same_object_alike(tmp_path):
     taken, shifted = CROWD[1:], (box(0.02, -0.06, (0.1, 0.1, 0.05)), CROWD[2])
     for number, boxes in ((9, CROWD), (10, taken), (11, shifted)):
         save(tmp_path / "in", number, boxes)
-    figures = predict(tmp_path / "in", tmp_path / "out")
+    figures = predict(tmp_path / "in", tmp_path / "out", samples=2)
     assert figures["images"] == 3
     views = records(tmp_path / "out")
     tracks = {

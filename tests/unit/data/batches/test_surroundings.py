@@ -1,5 +1,7 @@
 """What is about a table, beside where its floor and edges are."""
 
+import functools
+
 import numpy as np
 import torch
 from tests.unit.kernels import analytic
@@ -9,7 +11,7 @@ from scenefw.core.rng import Streams
 from scenefw.data.batches.surroundings import surrounding_depths
 from scenefw.kernels.cameras import floor_depths, pixel_places, stack_cameras
 
-COUNT = 60
+COUNT = 40
 
 
 def box():
@@ -21,22 +23,24 @@ def box():
     )  # fmt: skip
 
 
-def around(changed):
+@functools.cache
+def around(every):
+    """Images in which the surroundings of each `every`-th scene are changed."""
+    changed = np.arange(COUNT) % every == 0
     cameras = stack_cameras([analytic.camera()] * COUNT)
     streams = Streams.of(0, 1, indices=np.arange(COUNT))
     return surrounding_depths(box(), cameras, streams, changed), cameras
 
 
 def test_a_floor_goes_on_where_nothing_is_changed():
-    changed = np.arange(COUNT) % 2 == 0
-    depth, cameras = around(changed)
+    depth, cameras = around(2)
     floor = floor_depths(cameras).view_as(depth)
     assert torch.equal(depth[1::2], floor[1::2])
     assert not torch.equal(depth[::2], floor[::2])
 
 
 def test_tables_hold_what_stands_on_them_and_nothing_hides_it():
-    depth, cameras = around(np.ones(COUNT, bool))
+    depth, cameras = around(1)
     places = pixel_places(depth, cameras)
     under = pixel_places(floor_depths(cameras).view_as(depth), cameras)[..., :2].abs()
     on_table = (under < 0.05).all(dim=-1)  # where the box stands
@@ -45,7 +49,7 @@ def test_tables_hold_what_stands_on_them_and_nothing_hides_it():
 
 
 def test_beyond_an_edge_lies_a_floor_that_is_level():
-    depth, cameras = around(np.ones(COUNT, bool))
+    depth, cameras = around(1)
     heights = pixel_places(depth, cameras)[..., 2]
     for row in heights:
         below = row[row < -0.1]

@@ -30,12 +30,13 @@ def distorted_plane(lens):
     x, y = rays()
 
     def error(p):
-        a, b = lens.distorted(*p.reshape(2, -1))
-        return np.concatenate([a - px, b - py])
+        a, b = lens.distorted(*p.reshape(-1, 2).T)
+        return np.stack([a - px, b - py], axis=1).ravel()
 
     columns = []
     for px, py in zip(x.T, y.T, strict=True):
-        columns.append(fsolve(error, np.concatenate([px, py])).reshape(2, -1))
+        column = fsolve(error, np.stack([px, py], axis=1).ravel(), band=(1, 1))
+        columns.append(column.reshape(-1, 2).T)
     solved = np.stack(columns, axis=-1)
     return plane(solved[0], solved[1]).astype(np.float32)
 

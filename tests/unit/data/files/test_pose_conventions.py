@@ -60,8 +60,10 @@ def rewritten(tmp_path, folder, poses):
     return tmp_path
 
 
-@pytest.mark.parametrize("world", [np.eye(4), Y_UP], ids=["z up", "y up"])
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(
+    ("name", "world"),
+    [*((name, np.eye(4)) for name in CASES), ("opengl", Y_UP), ("world_to_camera", Y_UP)],
+)
 def test_another_convention_is_named_and_then_read(tmp_path, folder, name, world):
     right = [world @ pose for pose in open_sequence(folder).poses]
     path = rewritten(tmp_path, folder, [CASES[name](pose) for pose in right])

@@ -2,7 +2,7 @@
 
 import pytest
 
-from scenefw import config
+from scenefw import config, plugins
 from scenefw.execution.build import Builder
 from scenefw.perception.cached import Cached
 
@@ -44,6 +44,7 @@ def test_references_learn_nothing(methods):
 
 @pytest.mark.parametrize("evaluation", ["draws", "reconstruction", "_stability"])
 def test_methods_of_fits_are_compared_on_the_grid_of_the_others(evaluation):
+    plugins.activate()
     words = ["run=evaluate", f"evaluation={evaluation}", "debug=smoke", "device=cpu"]
     methods = Builder(config.compose(words)).build("evaluation.methods")
     fits = {name for name, method in methods.items() if method and name not in NETWORKS}

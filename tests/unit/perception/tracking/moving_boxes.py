@@ -49,7 +49,7 @@ def image(boxes, number, seen_by=None, noise=NOISE):
     return replace(frame, depth=depth.astype(np.float32), labels=None)
 
 
-def pipeline():
+def pipeline(samples=2):
     """Superquadrics fitted to segments between creases; its second hypothesis expects others."""
     observer = Observer(Projective(), FloorFinder(), WorkspaceFinder(OBSTACLES), Doctor())
     return ReconstructionPipeline(
@@ -60,5 +60,5 @@ def pipeline():
         fit=object_fit(),
         completion=FitSampling(JointFit(SuperquadricFit()), TOLERANCES),
         grid=GridSpec(64),
-        samples=2,
+        samples=samples,
     )

@@ -77,13 +77,14 @@ def test_the_floor_says_how_noisy_depth_is(width, sigma):
     assert depth_sigma(view) == pytest.approx(sigma, rel=0.1)
 
 
-@pytest.mark.parametrize("width", [320, 640])
-@pytest.mark.parametrize("sensor", [Kinect(), Stereo(), TimeOfFlight()])
-def test_noise_of_sensors_is_no_change(width, sensor):
+@pytest.mark.parametrize(
+    ("sensor", "width"), [(Kinect(), 320), (Stereo(), 320), (Stereo(), 640), (TimeOfFlight(), 640)]
+)
+def test_noise_of_sensors_is_no_change(sensor, width):
     """Also where they blur edges and lose pixels, others in each image; how much is drawn, too."""
     seen_by = camera(width)
     true = replace(image(CROWD, 0, seen_by, 0), camera=seen_by)
-    images = [disturb(true, {"sensor": sensor}, 0, 0, number) for number in range(4)]
+    images = [disturb(true, {"sensor": sensor}, 0, 0, number) for number in range(3)]
     observe = pipeline_of(grid=GridSpec(16)).observe
     sigma = max(depth_sigma(observe(each)) for each in images)
     memory = DepthMemory.of(images[0].depth, sigma)
@@ -94,7 +95,7 @@ def test_noise_of_sensors_is_no_change(width, sensor):
 
 @pytest.mark.parametrize("group", ["realsense_table", "mosd_learn"])
 def test_real_images_with_other_noise_are_unchanged(real_data, group):
-    frames = list(read_frames(real_data / "real" / group))[:4]
+    frames = list(read_frames(real_data / "real" / group))[:2]
     assert frames
     for frame in frames:
         sigma = depth_sigma(pipeline_of(grid=GridSpec(16)).observe(frame))
