@@ -16,10 +16,8 @@ from scenefw.core.errors import InputError
 from scenefw.core.protocols import FloorFinding
 from scenefw.core.settings import POSITIVE
 from scenefw.core.types import Float64, Frame
-from scenefw.perception.observation.floor import FloorFinder
-from scenefw.perception.observation.floor_noise import FLOOR_SIGMAS, ROUNDING
+from scenefw.perception.observation.floor import TABLE_HEIGHT, FloorFinder
 from scenefw.perception.observation.main_plane import WorldPlane, main_plane
-from scenefw.perception.observation.pixels import coarse_step
 from scenefw.perception.observation.points import world_points
 
 
@@ -112,10 +110,9 @@ class TableFrame:
 
     def _pose(self, frame: Frame) -> Float64:
         """Camera pose in table coordinates, with the origin in the middle of the seen part."""
-        floor, step = self.floor.find(frame), coarse_step(frame.depth.shape[1])
-        pose = floor.T_world_camera
-        points = world_points(replace(frame, camera=frame.camera.moved(pose)), step)
-        valid = frame.depth[::step, ::step] < self.max_depth
-        valid &= np.abs(points[..., 2]) < FLOOR_SIGMAS * max(floor.deviation, ROUNDING)
+        pose = self.floor.find(frame).T_world_camera
+        points = world_points(replace(frame, camera=frame.camera.moved(pose)), stride=4)
+        valid = frame.depth[::4, ::4] < self.max_depth
+        valid &= np.abs(points[..., 2]) < TABLE_HEIGHT  # not what nothing was measured of, NaN
         middle = np.median(points[valid][:, :2], axis=0) if valid.any() else np.zeros(2)
         return geometry.rigid(np.eye(3), (-middle[0], -middle[1], 0.0)) @ pose
