@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.special import logit
 
 from scenefw.core.settings import COUNT, NOT_NEGATIVE, PROBABILITY, below
 from scenefw.perception.observation.components import EDGE, MAX_STEP, linked_parts
@@ -56,7 +57,9 @@ class AffinitySegmentation:
         min_object_probability: parts whose pixels show an object less probably, on average, are
             dropped.
         min_pixel_probability: so are pixels that don't show one more probably than this, if the
-            floor has noise; without it, heights alone say where an object ends.
+            floor has noise; without it, heights alone say where an object ends. Where errors of
+            neighbouring pixels are independent, the network's odds count times those by which the
+            floor, normally distributed, doesn't reach the pixel's height.
         floor_margin: points up to this height above the floor belong to it (m), and so do points
             within its noise, if they are no higher than `min_height` and the floor waves.
         min_pixels: parts of fewer pixels (of an image 640 wide) are dropped.
@@ -115,7 +118,10 @@ class AffinitySegmentation:
         above = heights > margin  # NaN where no depth: not above
         thinned_pixels = np.ix_(rows, columns)
         if view.noise.sigma > ROUNDING:
-            above &= (object_probability > self.min_pixel_probability)[thinned_pixels]
+            odds = logit(object_probability)[thinned_pixels]
+            if not smooth:
+                odds = odds + (heights / np.maximum(noise, ROUNDING)) ** 2 / 2
+            above &= odds > logit(self.min_pixel_probability)
         regions = self._regions(depth, across, down, above[::step, ::step])
         affinities = across, down
         if self.colours is not None and frame.colour is not None:
