@@ -13,10 +13,9 @@ from scenefw.core.weak_cache import cached_by_identity
 from scenefw.kernels.meshes import NOTHING
 from scenefw.perception.evidence.mesh_distances import PAST_CROSSING, distances_to
 from scenefw.perception.observation.pixels import coarse_step
+from scenefw.perception.observation.points import rays as camera_rays
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from scenefw.core.types import Camera, Float32, Float64, TriangleMesh
 
     Box = tuple[slice, slice]
@@ -37,15 +36,6 @@ class ObjectDepth:
     back: Float64
 
 
-def directions(camera: Camera, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Float64:
-    """Rays (h, w, 3) of pixels in world coordinates, of depth 1."""
-    v, u = np.meshgrid(
-        (rows - camera.cy) / camera.fy, (columns - camera.cx) / camera.fx, indexing="ij"
-    )
-    rotation = camera.T_world_camera[:3, :3]
-    return np.asarray(np.stack([u, v, np.ones_like(u)], axis=-1) @ rotation.T)
-
-
 def object_depth(mesh: TriangleMesh, camera: Camera) -> ObjectDepth:
     """The depth of a closed mesh, computed once for each camera."""
     depths = _depths(mesh)
@@ -64,15 +54,14 @@ def _depths(_mesh: TriangleMesh) -> dict[bytes, ObjectDepth]:
 def _object_depth(mesh: TriangleMesh, camera: Camera) -> ObjectDepth:
     step = coarse_step(camera.width)
     box = _box(mesh.vertices, camera, step)
-    rows, columns = (np.arange(side.start, side.stop) * step for side in box)
-    rays = np.zeros((len(rows) * len(columns), 6), np.float32)
-    rays[:, 3:] = directions(camera, rows, columns).reshape(-1, 3)
-    rays[:, :3] = camera.T_world_camera[:3, 3]
+    directions = camera_rays(camera, step)[box] @ camera.T_world_camera[:3, :3].T
+    rays = np.zeros((directions[..., 0].size, 6), np.float32)
+    rays[:, :3], rays[:, 3:] = camera.T_world_camera[:3, 3], directions.reshape(-1, 3)
     front = _cast(mesh, rays)
     hit = np.isfinite(front)
     inner = rays[hit]
     inner[:, :3] += (front[hit] + PAST_CROSSING)[:, None] * inner[:, 3:]
-    depths = np.zeros((2, len(rows), len(columns)))
+    depths = np.zeros((2, *directions.shape[:2]))
     depths[0].ravel()[hit] = front[hit]
     depths[1].ravel()[hit] = (
         front[hit] + PAST_CROSSING + np.nan_to_num(_cast(mesh, inner), posinf=0)

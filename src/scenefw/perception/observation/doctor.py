@@ -26,6 +26,7 @@ _FOCAL_RATIO = 1.2
 _MAX_CENTRE_OFFSET = 0.25  # of the sides
 _MAX_DEVIATION = 0.01  # m
 _MAX_OTHER_RATIO = 0.05  # of what rises above the floor that may be left out without a word
+_MIDDLE = 0.06  # of the sides: so near the middle, a centre belongs to an image of that shape
 _MAX_PIXELS = 4_000_000  # beyond, time and memory grow and accuracy hardly does
 _FIX_SEPARATOR = re.compile(r"; |(?<=\?) ")
 
@@ -260,7 +261,7 @@ def _check_intrinsics(frame: Frame) -> list[Check]:
     has_square_pixels = 1 / _FOCAL_RATIO < camera.fx / camera.fy < _FOCAL_RATIO
     offset = (camera.cx / camera.width - 0.5, camera.cy / camera.height - 0.5)
     transposed_offset = (camera.cx / camera.height - 0.5, camera.cy / camera.width - 0.5)
-    is_swapped = max(np.abs(transposed_offset)) < max(np.abs(offset))
+    is_swapped = max(np.abs(transposed_offset)) < _MIDDLE < max(np.abs(offset))
     is_central = max(np.abs(offset)) <= _MAX_CENTRE_OFFSET and not is_swapped
     return [
         Check.of(

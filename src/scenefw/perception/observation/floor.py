@@ -20,7 +20,7 @@ _SCORED_POINTS = 4096
 _EXAMINED_PLANES = 40  # random planes with most points, of which is asked what is seen through them
 _UPRIGHT_WEIGHT = 1.5  # images are mostly upright: a wall needs more points than a floor
 TABLE_HEIGHT = 0.3
-"""A plane this far above another (m) is a table on a room's floor, ..."""
+"""A plane this far above another (m) is a table on a room's floor; so high is what lies on one."""
 _TABLE_SHARE = 0.4  # ... not the top of an object, if it has this share of the other's points
 _MIN_PARALLEL_COSINE = np.cos(np.radians(8))  # of the angle between two planes
 _REFINEMENTS = 8

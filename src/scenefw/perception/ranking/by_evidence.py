@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from scenefw.fitting.placed import OUTLIERS
-from scenefw.perception.evidence.object_depth import directions, object_depth
+from scenefw.perception.evidence.object_depth import object_depth
 from scenefw.perception.observation.pixels import coarse_step
-from scenefw.perception.observation.points import world_points
+from scenefw.perception.observation.points import rays, world_points
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -94,8 +94,7 @@ def _measure(frame: Frame, grid: GridSpec, min_height: float) -> _Measurement:
     points = world_points(frame)[::step, ::step]
     voxels = grid.to_voxels(points)
     inside = ((voxels >= 0) & (voxels <= grid.resolution - 1)).all(axis=-1)  # not NaN either
-    rows, columns = (np.arange(0, size, step) for size in frame.depth.shape)
-    eye, slope = camera.T_world_camera[2, 3], directions(camera, rows, columns)[..., 2]
+    eye, slope = camera.T_world_camera[2, 3], rays(camera, step) @ camera.T_world_camera[2, :3]
     with np.errstate(divide="ignore"):
         floor = np.where(eye * slope < 0, -eye / slope, np.inf)
     objects = np.asarray(points[..., 2] > min_height)

@@ -7,7 +7,7 @@ import pytest
 from tests.unit.perception.estimate.test_plausibility import solid
 from tests.unit.perception.synthetic import camera_at
 
-from scenefw.perception.evidence.object_depth import directions, object_depth
+from scenefw.perception.evidence.object_depth import object_depth
 from scenefw.perception.observation.pixels import coarse_step
 
 LOW, HIGH = np.array((-0.05, -0.04, 0.0)), np.array((0.05, 0.06, 0.12))
@@ -18,8 +18,9 @@ def test_rays_enter_and_leave_where_slabs_say(size):
     camera = camera_at(eye=(0.3, -0.8, 0.6), size=size)
     depth = object_depth(solid(LOW, HIGH), camera)
     step = coarse_step(camera.width)
-    rows, columns = (np.arange(0, length, step) for length in size[::-1])
-    rays = directions(camera, rows, columns)
+    x, y = (np.arange(0, length, step) for length in size)
+    x, y = np.meshgrid((x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy)
+    rays = np.stack([x, y, np.ones_like(x)], axis=-1) @ camera.T_world_camera[:3, :3].T
     crossings = (np.stack([LOW, HIGH])[:, None, None] - camera.T_world_camera[:3, 3]) / rays
     enter, leave = crossings.min(axis=0).max(axis=-1), crossings.max(axis=0).min(axis=-1)
     through = leave - enter > 1e-3  # through an edge rounding decides

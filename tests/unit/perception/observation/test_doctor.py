@@ -171,6 +171,13 @@ def test_a_centre_of_the_turned_image_is_named():
     assert "swap cx and cy" in line
 
 
+def test_a_centre_a_little_off_in_a_nearly_square_image_is_not_swapped():
+    camera = camera_at(eye=(0.0, -0.8, 0.6), size=(640, 600))
+    frame = frame_of(camera)
+    aside = replace(camera, cx=300.0, cy=310.0)
+    assert not Doctor().examine_frame(replace(frame, camera=aside.moved(np.eye(4))))
+
+
 @pytest.mark.parametrize(("share", "verdict"), [(0.5, "good"), (0.12, "odd")])
 def test_a_floor_of_which_little_is_seen_is_odd(share, verdict):
     """As a known floor has it, if the camera has moved since."""
