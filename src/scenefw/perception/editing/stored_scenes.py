@@ -25,7 +25,6 @@ from scenefw.core.types import (
 from scenefw.data.files.structured import read_text
 from scenefw.perception.editing.scene_editing import with_objects
 from scenefw.perception.estimate.base_frame import from_base
-from scenefw.perception.observation.known_floor import MAX_LENGTH_ERROR
 from scenefw.perception.observation.object_masks import MAX_ID
 from scenefw.shapes.solid_mesh import closed
 from scenefw.shapes.superellipsoid import Superellipsoid
@@ -37,6 +36,7 @@ if TYPE_CHECKING:
 
 SCENE = "scene.json"
 MASKS = "masks.png"
+_ORTHONORMAL_TOLERANCE = 1e-3  # of rotations and the length of quaternions
 _SCENE_KEYS = ("name", "objects", "obstacles", "camera", "support_graph", "versions")
 """The other keys are details."""
 _KINDS = ("superquadric", "superellipsoid", "vessel")
@@ -196,7 +196,7 @@ def _placed_shape(record: dict[str, Any] | None) -> PlacedShape | None:
 def _pose(record: dict[str, Any]) -> Pose:
     quaternion = _numbers(record["quaternion"], 4)
     length = float(np.linalg.norm(quaternion))
-    if abs(length - 1) > MAX_LENGTH_ERROR:
+    if abs(length - 1) > _ORTHONORMAL_TOLERANCE:
         raise ValueError(f"quaternion {quaternion.tolist()} is not of length 1")
     return Pose(_numbers(record["position"], 3), quaternion / length)
 
@@ -204,7 +204,7 @@ def _pose(record: dict[str, Any]) -> Pose:
 def _camera(record: dict[str, Any]) -> Camera:
     pose = np.array(record["T_world_camera"], dtype=np.float64)
     rotation = pose[:3, :3] if pose.shape == (4, 4) else np.zeros((3, 3))
-    rigid = np.allclose(rotation @ rotation.T, np.eye(3), atol=MAX_LENGTH_ERROR)
+    rigid = np.allclose(rotation @ rotation.T, np.eye(3), atol=_ORTHONORMAL_TOLERANCE)
     if not rigid or not np.isfinite(pose).all() or not np.allclose(pose[3], (0, 0, 0, 1)):
         raise ValueError("T_world_camera is no rigid 4 x 4 matrix")
     width, height = int(record["width"]), int(record["height"])

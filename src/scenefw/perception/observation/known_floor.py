@@ -19,8 +19,7 @@ if TYPE_CHECKING:
 
     from scenefw.core.types import Float64, Frame
 
-MAX_LENGTH_ERROR = 0.01
-"""By which the length of a unit vector may differ from 1: figures typed by hand."""
+_MAX_LENGTH_ERROR = 0.01  # by which the length of a normal may differ from 1: figures typed by hand
 
 
 class KnownFloor:
@@ -100,7 +99,7 @@ def _is_up(normal: Any) -> bool:
         vector = np.asarray(normal, np.float64)
     except (TypeError, ValueError):
         return False
-    return vector.shape == (3,) and bool(abs(np.linalg.norm(vector) - 1) <= MAX_LENGTH_ERROR)
+    return vector.shape == (3,) and bool(abs(np.linalg.norm(vector) - 1) <= _MAX_LENGTH_ERROR)
 
 
 def _floor_of_scene(path: Path) -> tuple[Any, float]:
