@@ -45,6 +45,16 @@ def test_an_image_depends_on_its_seed_alone(noise):
 
 
 @pytest.mark.parametrize("kind", [TimeOfFlight, PhoneLidar])
+def test_what_is_out_of_reach_has_no_depth_and_mixes_with_nothing(kind):
+    depth = step(6)
+    depth[:, :, :20] = 9.0
+    noisy = applied(kind(farthest=4.0), depth)
+    assert (noisy[:, :, :15] == 0).all()
+    assert noisy.max() < 2
+    assert (noisy[:, :, 30:] > 0).float().mean() > 0.9
+
+
+@pytest.mark.parametrize("kind", [TimeOfFlight, PhoneLidar])
 def test_share_of_the_images_passes(kind):
     depth = step(200)
     noisy = applied(kind(share=0.3), depth)

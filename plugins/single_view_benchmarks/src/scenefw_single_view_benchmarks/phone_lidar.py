@@ -25,12 +25,13 @@ class PhoneLidar:
 
     Depth is read at a grid of dots, and a network of the phone spreads it over the image: edges
     become slopes as wide as the dots are apart, small things shrink, and what is left of the error
-    varies slowly over the image. No pixel is lost.
+    varies slowly over the image. Pixels out of the laser's reach have no depth.
 
     Args:
         spacing: between dots (pixels), at most; each image has its own, from 2 on.
         wave: size of the patches over which the error varies (pixels).
         deviation: standard deviation of the error at 1 m (m), at most; it grows with the depth.
+        farthest: no measurement beyond this depth (m).
         share: share of the images that are disturbed.
 
     Raises:
@@ -38,15 +39,21 @@ class PhoneLidar:
     """
 
     def __init__(
-        self, spacing: int = 8, wave: float = 30.0, deviation: float = 0.006, share: float = 1.0
+        self,
+        spacing: int = 8,
+        wave: float = 30.0,
+        deviation: float = 0.006,
+        farthest: float = 5.0,
+        share: float = 1.0,
     ) -> None:
-        POSITIVE.require(wave=wave, spacing=spacing)
+        POSITIVE.require(wave=wave, spacing=spacing, farthest=farthest)
         NOT_NEGATIVE.require(deviation=deviation)
         SHARE.require(share=share)
-        self.spacing, self.wave, self.deviation, self.share = spacing, wave, deviation, share
+        self.spacing, self.wave, self.deviation = spacing, wave, deviation
+        self.farthest, self.share = farthest, share
 
     def apply(self, depth: Tensor, cameras: CameraBatch, seeds: Tensor) -> Tensor:
-        """Smooth copy of z-depth (B, H, W) in metres; 0 stays 0, the rest is positive.
+        """Smooth copy of z-depth (B, H, W) in metres; 0 stays 0, the rest is positive or lost.
 
         Args:
             depth: (B, H, W) metres.
@@ -55,6 +62,7 @@ class PhoneLidar:
         """
         del cameras
         depth = finite(depth.float(), 0.0).clamp_min(0.0).contiguous()
+        near = torch.where(depth <= self.farthest, depth, 0.0)
         streams = Streams.of(0, indices=seeds.cpu().numpy())
         amounts = streams.uniform(_DRAWS)
         height, width = depth.shape[1:]
@@ -63,11 +71,12 @@ class PhoneLidar:
         scale = torch.from_numpy((self.deviation * amounts[:, 1]).astype(np.float32))
         smooth = torch.stack(
             [_spread(image, 2 + int(draw * max(self.spacing - 1, 0)))
-             for image, draw in zip(depth, amounts[:, 2], strict=True)]
+             for image, draw in zip(near, amounts[:, 2], strict=True)]
         )  # fmt: skip
         noisy = smooth * (1 + (scale[:, None, None] * error).to(depth.device))
         disturbed = torch.from_numpy(amounts[:, 0] < self.share).to(depth.device)
-        return torch.where((depth > 0) & disturbed[:, None, None], noisy.clamp_min(1e-3), depth)
+        noisy = torch.where(near > 0, noisy.clamp_min(1e-3), 0.0)
+        return torch.where(disturbed[:, None, None], noisy, depth)
 
 
 def _spread(depth: Tensor, spacing: int) -> Tensor:

@@ -38,6 +38,7 @@ class TimeOfFlight:
         dark: how many times larger the deviation is in the darkest patch.
         multipath: by how much the darkest patch seems farther (m), at most.
         lost: share of an image that is lost as too dark, at most.
+        farthest: no measurement beyond this depth (m).
         share: share of the images that are disturbed.
 
     Raises:
@@ -53,14 +54,15 @@ class TimeOfFlight:
         dark: float = 4.0,
         multipath: float = 0.008,
         lost: float = 0.03,
+        farthest: float = 5.5,
         share: float = 1.0,
     ) -> None:
-        POSITIVE.require(jump=jump, patch=patch, dark=dark)
+        POSITIVE.require(jump=jump, patch=patch, dark=dark, farthest=farthest)
         NOT_NEGATIVE.require(deviation=deviation, multipath=multipath)
         SHARE.require(flying=flying, lost=lost, share=share)
         self.deviation, self.flying, self.jump = deviation, flying, jump
         self.patch, self.dark, self.multipath = patch, dark, multipath
-        self.lost, self.share = lost, share
+        self.lost, self.farthest, self.share = lost, farthest, share
 
     def apply(self, depth: Tensor, cameras: CameraBatch, seeds: Tensor) -> Tensor:
         """Noisy copy of z-depth (B, H, W) in metres; 0 stays 0, the rest is positive or lost.
@@ -72,6 +74,7 @@ class TimeOfFlight:
         """
         del cameras
         depth = finite(depth.float(), 0.0).clamp_min(0.0).contiguous()
+        near = torch.where(depth <= self.farthest, depth, 0.0)
         streams = Streams.of(0, indices=seeds.cpu().numpy())
         amounts = streams.uniform(_DRAWS)
         height, width = depth.shape[1:]
@@ -81,7 +84,7 @@ class TimeOfFlight:
         lots = lots.to(depth.device)
         scales = torch.from_numpy(amounts.astype(np.float32)).to(depth.device)[..., None, None]
         darkness = patches(nodes, height, width, self.patch).to(depth.device)
-        mixed = self._flown(depth, lots[:, 0], lots[:, 1], self.flying * scales[:, 1])
+        mixed = self._flown(near, lots[:, 0], lots[:, 1], self.flying * scales[:, 1])
         white = torch.special.ndtri(lots[:, 2].clamp(1e-6, 1 - 1e-6))
         deviation = self.deviation * scales[:, 2] * (1 + (self.dark - 1) * darkness**2)
         noisy = mixed + deviation * mixed.square() * white
@@ -89,7 +92,8 @@ class TimeOfFlight:
         lost = darkness > torch.quantile(
             darkness.flatten(1), 1 - self.lost, dim=1
         )[:, None, None] + scales[:, 4] * 0.1  # fmt: skip
-        noisy = torch.where((depth > 0) & ~lost, noisy.clamp_min(1e-3), 0.0)
+        measured = (near > 0) & ~lost
+        noisy = torch.where(measured, noisy.clamp_min(1e-3), 0.0)
         return torch.where(scales[:, 0] < self.share, noisy, depth)
 
     def _flown(self, depth: Tensor, luck: Tensor, way: Tensor, chance: Tensor) -> Tensor:
