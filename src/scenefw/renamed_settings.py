@@ -36,6 +36,7 @@ _BEST = "reconstructor=set_extents, which is better"
 _FITS = "evaluation=draws, which has the methods that are better"
 _ALONE = "nothing: there is no other, and its settings are typed as grid.extent=2 is"
 _FLOOR = "segmentation.floor_margin; the floor's noise adds three standard deviations"
+_GROUPED = "nothing: with the network that ships, pixels stay with their segments"
 _SMOOTHED = "nothing: images are smoothed by a pixel of one 640 wide"
 _SWITCHES = "the settings that it changed, as model.zero_share=0 (docs/training.md#sweeps)"
 DELETED: Mapping[str, str] = {
@@ -95,6 +96,9 @@ DELETED: Mapping[str, str] = {
     "segmentation.waves": _FLOOR,
     "segmentation.colours.smoothing": _SMOOTHED,
     "edges.colour.smoothing": _SMOOTHED,
+    "grouping.reassign": _GROUPED,
+    "grouping.min_divided": _GROUPED,
+    "grouping.reach": "nothing: it is two voxels",
     "observer.workspace.margin": "nothing: objects stay a voxel from the sides of the cube",
     "run=headline": "run=publish, with run.results=[FOLDER,...]",
     "run=pictures": "run=publish, with input=FOLDER",

@@ -12,9 +12,9 @@ from scenefw.mapping.inverse_ray_tracing import InverseRayTracing
 from scenefw.perception.evidence.gathering import EvidenceGathering
 from scenefw.perception.grouping.hulls import HullFilling
 from scenefw.perception.grouping.merging import FitMerging
-from scenefw.perception.grouping.reassignment import ResidualReassignment
 from scenefw.perception.grouping.relabelling import ObjectGrouping
 from scenefw.perception.grouping.segment_fits import SegmentFits
+from scenefw.perception.multiview.reassignment import ResidualReassignment
 from scenefw.perception.multiview.views_assembly import ViewsAssembly
 from scenefw.perception.multiview.views_completion import ViewsCompletion
 from scenefw.perception.multiview.views_grouping import ViewsGrouping
@@ -46,7 +46,7 @@ def fitted_parts(overlap=None, grid=None):
     """Superquadrics fitted to segments between creases of all views."""
     fits = SegmentFits(SuperquadricFit(), EvidenceGathering(hidden_points=1))
     merge, reassign = FitMerging(fits), ResidualReassignment(fits)
-    grouping = ObjectGrouping(HullFilling(), None, merge, reassign, min_divided=0.3, reach=2.0)
+    grouping = ObjectGrouping(HullFilling(), None, merge)
     joint = ViewsGrouping(merge, reassign, overlap)
     return views_fit(CreaseSegmentation(), grouping, joint, grid=grid)
 

@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from scipy.spatial import cKDTree
 
-from scenefw.core.settings import PART, POSITIVE
 from scenefw.perception.evidence.visible_instances import visible_instances
-from scenefw.perception.grouping.division import divide
 from scenefw.perception.observation.mixed_pixels import without_ramps
 from scenefw.perception.steps import Objects
 
@@ -19,6 +17,7 @@ if TYPE_CHECKING:
     from scenefw.perception.steps import Grouping
 
 _MAX_POINTS = 3000  # of an instance: enough to say which is nearest to a voxel
+_REACH = 2.0  # voxels, from a rough volume to visible points that are its
 _MIN_PIXEL_RATIO = 0.1  # of an instance's pixels: objects of fewer get none of its voxels
 
 
@@ -36,47 +35,22 @@ class Merging(Protocol):
         """Objects (H, W), 0 = none."""
 
 
-class Reassignment(Protocol):
-    """Gives pixels to the objects that they lie on."""
-
-    def reassign(self, objects: Int32, view: ViewGeometry) -> Int32:
-        """Objects (H, W), 0 = none."""
-
-
 class ObjectGrouping:
-    """Objects from segments: split, merged, and pixels given to whom they lie on.
+    """Objects from segments: split and merged.
 
-    The image is sharp where objects meet, so segments decide borders. Segments that show several
-    rough volumes are divided among these first. In the end each voxel of a rough volume goes to the
-    object of the visible point of that volume that is nearest. Volumes that no pixel shows stay, as
-    a network may know of them. If someone has marked the objects, these are the segments, and stay.
+    The image is sharp where objects meet, so segments decide borders. In the end each voxel of a
+    rough volume goes to the object of the visible point of that volume that is nearest. Volumes
+    that no pixel shows stay, as a network may know of them. If someone has marked the objects,
+    these are the segments, and stay.
 
     Args:
         rough: makes volumes of segments.
         split: cuts segments of several objects; None: none are cut.
         merge: joins segments of one object; None: none are joined.
-        reassign: gives pixels to other objects; None: they stay.
-        min_divided: ratio of a segment's pixels that must show a rough volume for the segment to be
-            divided.
-        reach: how far outside a volume a visible point may lie and still be its (voxels).
-
-    Raises:
-        ConfigError: a ratio outside 0..1, or a reach that isn't positive.
     """
 
-    def __init__(
-        self,
-        rough: Grouping,
-        split: Splitting | None,
-        merge: Merging | None,
-        reassign: Reassignment | None,
-        min_divided: float,
-        reach: float,
-    ) -> None:
-        PART.require(min_divided=min_divided)
-        POSITIVE.require(reach=reach)
-        self.rough, self.split, self.merge, self.reassign = rough, split, merge, reassign
-        self.min_divided, self.reach = min_divided, reach
+    def __init__(self, rough: Grouping, split: Splitting | None, merge: Merging | None) -> None:
+        self.rough, self.split, self.merge = rough, split, merge
 
     @property
     def grid(self) -> GridSpec | None:
@@ -96,13 +70,12 @@ class ObjectGrouping:
         if rough.instances is None:
             raise TypeError("objects without volumes can't be relabelled")
         points, grid = view.points, view.grid
-        volumes = visible_instances(rough.instances, points, grid, segments > 0, self.reach)
+        volumes = visible_instances(rough.instances, points, grid, segments > 0, _REACH)
         objects = segments
-        if not has_masks:
-            objects = divide(objects, volumes, self.min_divided, view.depth)
-            objects = objects if self.split is None else self.split.split(objects, view)
-            objects = objects if self.merge is None else self.merge.merge(objects, view, view.depth)
-            objects = objects if self.reassign is None else self.reassign.reassign(objects, view)
+        if not has_masks and self.split is not None:
+            objects = self.split.split(objects, view)
+        if not has_masks and self.merge is not None:
+            objects = self.merge.merge(objects, view, view.depth)
         labels = reassigned(rough.instances, volumes, objects, points, grid)
         return Objects(objects, rough.tsdf, labels, rough.volumes)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from scipy.ndimage import binary_erosion, distance_transform_edt
@@ -17,9 +17,17 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from scenefw.core.types import Float32, Float64, GridSpec, Int32
-    from scenefw.perception.grouping.relabelling import Merging, Reassignment
+    from scenefw.perception.grouping.relabelling import Merging
     from scenefw.perception.multiview.same_surface import SurfaceOverlap
+    from scenefw.perception.observation.observation import ViewGeometry
     from scenefw.perception.observation.views import Views
+
+
+class Reassignment(Protocol):
+    """Gives pixels to the objects that they lie on."""
+
+    def reassign(self, objects: Int32, view: ViewGeometry) -> Int32:
+        """Objects (H, W), 0 = none."""
 
 
 class ViewsGrouping:

@@ -9,16 +9,15 @@ from hydra.utils import instantiate
 from tests.unit.perception.blurred import seen
 from tests.unit.perception.grouping.test_merging import LONG, merging
 from tests.unit.perception.observations import observation_of
-from tests.unit.perception.synthetic import STACK, Box, camera_at, frame_of
+from tests.unit.perception.synthetic import STACK, camera_at, frame_of
 
 from scenefw import config
 from scenefw.core.batches import PartialTSDF
-from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.errors import InputError
 from scenefw.core.types import GridSpec
 from scenefw.data.files.readers import read_frame
 from scenefw.metrics.masks import mask_scores
 from scenefw.perception.evidence.visible_instances import visible_instances
-from scenefw.perception.grouping.division import divide
 from scenefw.perception.grouping.hulls import HullFilling
 from scenefw.perception.grouping.relabelling import ObjectGrouping, reassigned
 from scenefw.perception.observation.observation import Observation
@@ -41,7 +40,7 @@ class Fixed:
 
 
 class Step:
-    """Splits, merges or reassigns: adds a number to all labels, so that the order can be read."""
+    """Splits or merges: adds a number to all labels, so that the order can be read."""
 
     def __init__(self, change):
         self.change = change
@@ -53,12 +52,10 @@ class Step:
         assert depth is view.depth
         return self.split(parts, view)
 
-    reassign = split
 
-
-def grouping_of(rough, split=None, merge=None, reassign=None, min_divided=0.3, reach=2.0):
+def grouping_of(rough, split=None, merge=None):
     """The step of a pipeline, which learns nothing and asks nobody else."""
-    return ObjectGrouping(rough, split, merge, reassign, min_divided, reach)
+    return ObjectGrouping(rough, split, merge)
 
 
 def view_of_boxes(resolution, boxes=STACK):
@@ -71,34 +68,6 @@ def view_of_boxes(resolution, boxes=STACK):
     ]
     volumes = np.select(inside, np.arange(1, len(boxes) + 1), 0).astype(np.int32)
     return observation_of(frame, grid), frame.labels, volumes
-
-
-def drawn(*rows, scale=6):
-    """An image of digits, each pixel of which becomes a square."""
-    image = np.array([[int(digit) for digit in row] for row in rows], np.int32)
-    return image.repeat(scale, axis=0).repeat(scale, axis=1)
-
-
-def same(labels, expected):
-    """Whether two images have the same regions, however they are numbered."""
-    pairs = np.unique(np.stack([labels.ravel(), expected.ravel()]), axis=1)
-    counts = [len(np.unique(side)) for side in (labels, expected)]
-    return counts == [pairs.shape[1]] * 2 and ((labels == 0) == (expected == 0)).all()
-
-
-@pytest.mark.parametrize(
-    ("rows", "expected"),
-    [
-        (("4444555", "4444555"), ("1111222", "1111222")),
-        (("4444445", "4444445"), ("1111111", "1111111")),  # too small a share
-        (("440055", "440055"), ("111222", "111222")),  # what shows none goes to the nearest
-    ],
-)
-def test_a_part_of_several_instances_is_divided(rows, expected):
-    shown = drawn(*rows)
-    objects = np.ones_like(shown)
-    found = divide(objects, shown, 0.3, np.ones(objects.shape, np.float32))
-    assert same(found, drawn(*expected))
 
 
 @pytest.mark.parametrize("resolution", [16, 32])
@@ -142,49 +111,33 @@ def test_segments_divide_a_rough_volume_of_two_boxes(resolution):
 
 
 @pytest.mark.parametrize("resolution", [32, 64])
-def test_what_rough_volumes_divide_wrongly_is_merged_again(resolution):
+def test_segments_are_merged_whatever_the_rough_volumes(resolution):
     view, labels, boxes = view_of_boxes(resolution, (LONG,))
-    halves = np.where(view.grid.centres()[..., 0] > 0, 2 * boxes, boxes).astype(np.int32)
-    divided = grouping_of(Fixed(halves)).group(labels, view)
-    assert len(np.unique(divided.masks)) == 3
-    objects = grouping_of(Fixed(halves), merge=merging()).group(labels, view)
-    np.testing.assert_array_equal(objects.masks, labels)
-    np.testing.assert_array_equal(objects.instances, boxes)
+    right = view.points[..., 0] > 0
+    halves = np.where(right, 2 * labels, labels).astype(np.int32)
+    objects = grouping_of(Fixed(boxes), merge=merging()).group(halves, view)
+    assert len(np.unique(objects.masks)) == 2
+    np.testing.assert_array_equal(objects.masks > 0, labels > 0)
+    np.testing.assert_array_equal(objects.instances > 0, boxes > 0)
 
 
-@pytest.mark.parametrize("resolution", [32, 64])
-def test_what_rough_volumes_divide_rightly_stays_divided(resolution):
-    """Two boxes side by side that the segments don't separate."""
-    sides = Box((-0.2, -0.04, 0), (0, 0.04, 0.16)), Box((0, -0.04, 0), LONG.upper)
-    view, labels, boxes = view_of_boxes(resolution, sides)
-    one = (labels > 0).astype(np.int32)
-    objects = grouping_of(Fixed(boxes), merge=merging()).group(one, view)
-    assert len(np.unique(objects.masks)) == 3
-    votes = [np.bincount(objects.masks[labels == label]) for label in (1, 2)]
-    assert min(each.max() / each.sum() for each in votes) > 0.95
-    assert votes[0].argmax() != votes[1].argmax()
-    whole = grouping_of(Fixed(boxes), min_divided=0.9).group(one, view)
-    np.testing.assert_array_equal(whole.masks, one)
-
-
-def test_segments_are_split_then_merged_then_reassigned():
+def test_segments_are_split_then_merged():
     view, labels, boxes = view_of_boxes(32)
-    add, double, square = (Step(one) for one in (lambda k: k + 1, lambda k: 2 * k, lambda k: k * k))
-    objects = grouping_of(Fixed(boxes), add, double, square).group(labels, view)
-    expected = np.where(labels > 0, (2 * (labels + 1)) ** 2, 0)
+    add, double = (Step(one) for one in (lambda k: k + 1, lambda k: 2 * k))
+    objects = grouping_of(Fixed(boxes), add, double).group(labels, view)
+    expected = np.where(labels > 0, 2 * (labels + 1), 0)
     np.testing.assert_array_equal(objects.masks, expected)
     assert set(np.unique(objects.instances)) == set(np.unique(expected))
 
 
 @pytest.mark.parametrize("resolution", [32, 64])
 def test_marked_objects_stay(resolution):
-    """No step changes them, and rough volumes don't divide them."""
     view, labels, boxes = view_of_boxes(resolution)
     one = (labels > 0).astype(np.int32)
     change = Step(lambda parts: parts + 1)
-    grouping = grouping_of(Fixed(boxes), change, change, change, min_divided=0.1)
+    grouping = grouping_of(Fixed(boxes), change, change)
     free, marked = (grouping.group(one, k) for k in (view, replace(view, masks=one)))
-    assert len(np.unique(free.masks)) == 3
+    assert set(np.unique(free.masks)) == {0, 3}
     np.testing.assert_array_equal(marked.masks, one)
     np.testing.assert_array_equal(marked.instances > 0, boxes > 0)
     assert set(np.unique(marked.instances)) == {0, 1}
@@ -229,12 +182,6 @@ def test_a_step_without_volumes_or_a_view_without_image_is_refused():
     bare = PartialTSDF(view.partial.distance, view.partial.observed)
     with pytest.raises(InputError, match="depth images"):
         grouping_of(Fixed(boxes)).group(labels, Observation.of_partial(bare, view.grid))
-
-
-@pytest.mark.parametrize("wrong", [{"min_divided": 0.0}, {"min_divided": 1.5}, {"reach": 0.0}])
-def test_wrong_numbers_are_refused(wrong):
-    with pytest.raises(ConfigError, match=f"^{next(iter(wrong))} = "):
-        grouping_of(None, **wrong)
 
 
 def on_real_image(real_data, name, reconstructor):

@@ -13,8 +13,8 @@ from scenefw.metrics.occupancy import occupancy_iou
 from scenefw.perception.cached import Cached
 from scenefw.perception.evidence.gathering import EvidenceGathering
 from scenefw.perception.grouping.merging import FitMerging
-from scenefw.perception.grouping.reassignment import ResidualReassignment
 from scenefw.perception.grouping.segment_fits import SegmentFits
+from scenefw.perception.multiview.reassignment import ResidualReassignment
 from scenefw.perception.multiview.views_grouping import ViewsGrouping, _refined
 from scenefw.perception.multiview.views_segmentation import ViewsSegmentation
 from scenefw.perception.observation.observation import Observation

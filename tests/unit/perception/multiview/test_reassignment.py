@@ -7,8 +7,8 @@ from tests.unit.perception.evidence.test_gathering import scene_of
 from scenefw.core.errors import ConfigError
 from scenefw.fitting.superquadrics import SuperquadricFit
 from scenefw.perception.evidence.gathering import EvidenceGathering
-from scenefw.perception.grouping.reassignment import ResidualReassignment
 from scenefw.perception.grouping.segment_fits import SegmentFits
+from scenefw.perception.multiview.reassignment import ResidualReassignment
 
 
 def dealt(**settings):
