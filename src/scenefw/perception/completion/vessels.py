@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import combinations
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -12,6 +13,7 @@ from scenefw.core.settings import NOT_NEGATIVE, SHARE, at_least
 from scenefw.fitting.placed import signed_distance
 from scenefw.fitting.vessels import MESH_SECTIONS
 from scenefw.perception.observation.pixels import WIDTH
+from scenefw.perception.observation.points import MAJORITY
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -114,6 +116,34 @@ class Vessels:
             vessels = self.detect(mask, camera, first.evidence, first.superquadrics) | vessels
         return [with_vessels(hypothesis, vessels) for hypothesis in sets]
 
+    def join(self, segments: Int32, view: ViewGeometry) -> Int32:
+        """Segments (H, W), 0 = none, in which inside and outside of a vessel are one.
+
+        Images are cut along rims, where depth jumps. A vessel has to explain both sides, most of
+        one as its inside and most of the other as its outside.
+
+        Args:
+            segments: (H, W), 0 = none.
+            view: of one camera.
+        """
+        if view.eye is None:
+            return segments
+        samples = {
+            int(label): self._points(segments, view, label, self.points // 2)
+            for label in np.unique(segments[segments > 0])
+        }
+        samples = {label: part for label, part in samples.items() if len(part) >= self.min_points}
+        for a, b in combinations(samples, 2):
+            if self._may_be_sides(samples[a], samples[b]):
+                points = np.concatenate([samples[a], samples[b]])
+                vessel = self.fit.fit(points, view.eye)
+                if self._is_open(vessel, points, view.grid, view.clear) and self._has_both_sides(
+                    vessel, len(samples[a])
+                ):
+                    segments = np.where(segments == b, a, segments)
+                    samples[b] = samples[a]
+        return segments
+
     def detect(
         self,
         masks: Int32,
@@ -134,7 +164,7 @@ class Vessels:
             return vessels
         free = view.clear  # so that no wall lies in it by half a voxel
         for label in labels:
-            points = self._points(masks, view, label)
+            points = self._points(masks, view, label, self.points)
             if len(points) < self.min_points:
                 continue
             superquadric = superquadrics.get(label)
@@ -151,14 +181,45 @@ class Vessels:
                 vessels[label] = vessel
         return vessels
 
-    def _points(self, masks: Int32, view: ViewGeometry, label: int) -> Float64:
-        """Points of an object, away from where its image ends: there they belong to nothing."""
+    def _may_be_sides(self, a: Float64, b: Float64) -> bool:
+        """Whether points may be of two sides of a vessel: their rims lie on one circle (Kasa 1976).
+
+        It spares most pairs a fit.
+        """
+        if abs(a[:, 2].max() - b[:, 2].max()) > self.min_depth:
+            return False
+        points = np.concatenate([a, b])
+        is_rim = points[:, 2] > points[:, 2].max() - self.min_depth
+        if is_rim.mean() > MAJORITY:  # a flat top
+            return False
+        rim = points[is_rim, :2]
+        terms = np.column_stack([2 * rim, np.ones(len(rim))])
+        *centre, constant = np.linalg.lstsq(terms, (rim**2).sum(axis=1))[0]
+        radius = np.sqrt(max(constant + np.square(centre).sum(), 0.0))
+        distances = np.linalg.norm(rim - centre, axis=1) - radius
+        width = np.ptp(points[:, :2], axis=0).max()
+        if min(width, 2 * radius) < self.min_width_ratio * max(width, 2 * radius):
+            return False
+        return bool(self.tolerances.inlier_ratio(distances) >= self.tolerances.min_inlier_ratio)
+
+    def _has_both_sides(self, vessel: FittedVessel, first_points: int) -> bool:
+        """Whether a vessel explains both parts of its points, one as inside, one as outside."""
+        are_inside = []
+        for part in np.s_[:first_points], np.s_[first_points:]:
+            distances = vessel.distances[part]
+            if self.tolerances.inlier_ratio(distances) < self.tolerances.min_inlier_ratio:
+                return False
+            are_inside.append(vessel.inside[part].mean() > MAJORITY)
+        return are_inside[0] != are_inside[1]
+
+    def _points(self, masks: Int32, view: ViewGeometry, label: int, count: int) -> Float64:
+        """At most so many points of an object, not where its image ends: they are of nothing."""
         object_mask = masks == label
         edge = round(self.edge_pixels * object_mask.shape[1] / WIDTH)
         inner = binary_erosion(object_mask, iterations=edge) if edge else object_mask
         inner &= np.isfinite(view.points[..., 2])
         points = view.points[inner if view.mixed is None else inner & ~view.mixed]
-        indices = np.linspace(0, len(points) - 1, min(self.points, len(points))).astype(int)
+        indices = np.linspace(0, len(points) - 1, min(count, len(points))).astype(int)
         return np.asarray(points[indices], np.float64)
 
     def _inlier_ratio(

@@ -35,6 +35,13 @@ class Merging(Protocol):
         """Objects (H, W), 0 = none."""
 
 
+class Joining(Protocol):
+    """Joins segments of one object that no convex shape explains."""
+
+    def join(self, segments: Int32, view: ViewGeometry) -> Int32:
+        """Segments (H, W), 0 = none."""
+
+
 class ObjectGrouping:
     """Objects from segments: split and merged.
 
@@ -47,10 +54,17 @@ class ObjectGrouping:
         rough: makes volumes of segments.
         split: cuts segments of several objects; None: none are cut.
         merge: joins segments of one object; None: none are joined.
+        vessels: joins inside and outside of vessels; None: they stay apart.
     """
 
-    def __init__(self, rough: Grouping, split: Splitting | None, merge: Merging | None) -> None:
-        self.rough, self.split, self.merge = rough, split, merge
+    def __init__(
+        self,
+        rough: Grouping,
+        split: Splitting | None = None,
+        merge: Merging | None = None,
+        vessels: Joining | None = None,
+    ) -> None:
+        self.rough, self.split, self.merge, self.vessels = rough, split, merge, vessels
 
     @property
     def grid(self) -> GridSpec | None:
@@ -76,6 +90,8 @@ class ObjectGrouping:
             objects = self.split.split(objects, view)
         if not has_masks and self.merge is not None:
             objects = self.merge.merge(objects, view, view.depth)
+        if not has_masks and self.vessels is not None:
+            objects = self.vessels.join(objects, view)
         labels = reassigned(rough.instances, volumes, objects, points, grid)
         return Objects(objects, rough.tsdf, labels, rough.volumes)
 

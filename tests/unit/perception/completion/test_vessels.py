@@ -101,6 +101,57 @@ def test_what_one_sees_into_becomes_hollow(vessel, eye, size):
     assert list(detected(*scene, known)) == [1]
 
 
+def cut_in_two(scene, second):
+    """Segments: 2 where a function of the points (..., 3) and the eye (3,) says so, elsewhere 1."""
+    shown, geometry = scene
+    return np.where(shown > 0, 1 + second(geometry.points, geometry.eye), 0).astype(np.int32)
+
+
+def faces_its_axis(points, eye):
+    """Where (...) walls about `PLACE` turn to the middle: there a view sees their inside."""
+    return ((points - (*PLACE, 0)) * (eye - points))[..., :2].sum(axis=-1) < 0
+
+
+@pytest.mark.parametrize("size", [(320, 240), (640, 480)])
+@pytest.mark.parametrize("eye", EYES)
+@pytest.mark.parametrize("vessel", [MUG, BOWL])
+def test_inside_and_outside_are_one(vessel, eye, size):
+    scene = scene_of(vessel.mesh(), eye, size=size)
+    segments = cut_in_two(scene, faces_its_axis)
+    assert np.bincount(segments.ravel())[1:].min() > 300
+    joined = Vessels(VesselFit(), TOLERANCES).join(segments, scene[1])
+    np.testing.assert_array_equal(joined, scene[0])
+
+
+@pytest.mark.parametrize("eye", EYES)
+@pytest.mark.parametrize(
+    "second",
+    [lambda points, _: points[..., 2] > 0.098, lambda points, _: points[..., 0] > PLACE[0]],
+    ids=["top and side", "halves"],
+)
+def test_parts_of_a_can_stay_apart(eye, second):
+    """Halves of a solid are merged as superquadrics, if at all."""
+    scene = scene_of(CAN.mesh(24), eye)
+    segments = cut_in_two(scene, second)
+    assert np.bincount(segments.ravel())[1:].min() > 300
+    np.testing.assert_array_equal(
+        Vessels(VesselFit(), TOLERANCES).join(segments, scene[1]), segments
+    )
+
+
+def test_boxes_side_by_side_stay_apart():
+    boxes = [
+        trimesh.creation.box((0.06, 0.1, 0.08)).apply_translation((x, 0, 0))
+        for x in (-0.031, 0.031)
+    ]
+    mesh = trimesh.util.concatenate(boxes)
+    scene = scene_of(TriangleMesh(mesh.vertices, mesh.faces), EYES[0])
+    segments = cut_in_two(scene, lambda points, _: points[..., 0] > PLACE[0])
+    np.testing.assert_array_equal(
+        Vessels(VesselFit(), TOLERANCES).join(segments, scene[1]), segments
+    )
+
+
 @pytest.mark.parametrize("eye", EYES)
 def test_a_can_stays_solid_with_a_superquadric_and_without(eye):
     scene = scene_of(CAN.mesh(24), eye)
