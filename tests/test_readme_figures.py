@@ -44,11 +44,12 @@ def test_sentences_of_the_readme_are_those_of_their_pages():
 def test_figures_of_household_things_are_those_of_their_page():
     text = (ROOT / "README.md").read_text(encoding="utf-8").replace("\n", " ")
     match = re.search(
-        r"\[household things\]\((\S+?)\).*?F (\S+) and (\S+) against (\S+) and (\S+?)\. ", text
+        r"\[household things\]\((\S+?)\).*?F are (\S+) and (\S+) against (\S+) and (\S+) of a rule",
+        text,
     )
     page, *figures = match.groups()
     lines = (ROOT / page).read_text(encoding="utf-8").splitlines()
-    for method, pair in (("floor removed", figures[:2]), (("scenefw", "set extents"), figures[2:])):
-        row = next(line for line in lines if line.lstrip("| ").startswith(method))
+    for method, pair in (("set extents", figures[:2]), ("hull", figures[2:])):
+        row = next(line for line in lines if line.startswith(f"| Kinect: {method} |"))
         cells = [cell.strip(" *") for cell in row.split("|")]
-        assert [cells[2], cells[5]] == pair, method
+        assert [cells[2], cells[4]] == pair, method
