@@ -25,8 +25,8 @@ GROUPS = {True: "Weights that ship", False: "Other weights", None: "Data sets"}
 TEXT = """# Results
 
 Each page has at its top the command that wrote it, the seed, the commit and the SHA-256 of the
-weights, of which these tables show the first ten digits. "2 of 51" means that the split was
-evaluated twice for this page, and 51 times for all pages of the same scenes; "–" means that
+weights, of which these tables show the first ten digits. "2 of 53" means that the split was
+evaluated twice for this page, and 53 times for all pages of the same scenes; "–" means that
 nobody counted. The split "none" marks real images that were seen while rules and weights were
 chosen; they are no test.
 

@@ -62,7 +62,7 @@ class PhoneLidar:
         """
         del cameras
         depth = finite(depth.float(), 0.0).clamp_min(0.0).contiguous()
-        near = torch.where(depth <= self.farthest, depth, 0.0)
+        depth_in_reach = torch.where(depth <= self.farthest, depth, 0.0)
         streams = Streams.of(0, indices=seeds.cpu().numpy())
         amounts = streams.uniform(_DRAWS)
         height, width = depth.shape[1:]
@@ -71,11 +71,11 @@ class PhoneLidar:
         scale = torch.from_numpy((self.deviation * amounts[:, 1]).astype(np.float32))
         smooth = torch.stack(
             [_spread(image, 2 + int(draw * max(self.spacing - 1, 0)))
-             for image, draw in zip(near, amounts[:, 2], strict=True)]
+             for image, draw in zip(depth_in_reach, amounts[:, 2], strict=True)]
         )  # fmt: skip
         noisy = smooth * (1 + (scale[:, None, None] * error).to(depth.device))
         disturbed = torch.from_numpy(amounts[:, 0] < self.share).to(depth.device)
-        noisy = torch.where(near > 0, noisy.clamp_min(1e-3), 0.0)
+        noisy = torch.where(depth_in_reach > 0, noisy.clamp_min(1e-3), 0.0)
         return torch.where(disturbed[:, None, None], noisy, depth)
 
 

@@ -74,7 +74,7 @@ class TimeOfFlight:
         """
         del cameras
         depth = finite(depth.float(), 0.0).clamp_min(0.0).contiguous()
-        near = torch.where(depth <= self.farthest, depth, 0.0)
+        depth_in_reach = torch.where(depth <= self.farthest, depth, 0.0)
         streams = Streams.of(0, indices=seeds.cpu().numpy())
         amounts = streams.uniform(_DRAWS)
         height, width = depth.shape[1:]
@@ -84,7 +84,7 @@ class TimeOfFlight:
         lots = lots.to(depth.device)
         scales = torch.from_numpy(amounts.astype(np.float32)).to(depth.device)[..., None, None]
         darkness = patches(nodes, height, width, self.patch).to(depth.device)
-        mixed = self._flown(near, lots[:, 0], lots[:, 1], self.flying * scales[:, 1])
+        mixed = self._flown(depth_in_reach, lots[:, 0], lots[:, 1], self.flying * scales[:, 1])
         white = torch.special.ndtri(lots[:, 2].clamp(1e-6, 1 - 1e-6))
         deviation = self.deviation * scales[:, 2] * (1 + (self.dark - 1) * darkness**2)
         noisy = mixed + deviation * mixed.square() * white
@@ -92,7 +92,7 @@ class TimeOfFlight:
         lost = darkness > torch.quantile(
             darkness.flatten(1), 1 - self.lost, dim=1
         )[:, None, None] + scales[:, 4] * 0.1  # fmt: skip
-        measured = (near > 0) & ~lost
+        measured = (depth_in_reach > 0) & ~lost
         noisy = torch.where(measured, noisy.clamp_min(1e-3), 0.0)
         return torch.where(scales[:, 0] < self.share, noisy, depth)
 

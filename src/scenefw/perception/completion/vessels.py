@@ -133,16 +133,11 @@ class Vessels:
             for label in np.unique(segments[segments > 0])
         }
         samples = {label: part for label, part in samples.items() if len(part) >= self.min_points}
+        labels = np.arange(int(segments.max(initial=0)) + 1, dtype=np.int32)
         for a, b in combinations(samples, 2):
-            if self._may_be_sides(samples[a], samples[b]):
-                points = np.concatenate([samples[a], samples[b]])
-                vessel = self.fit.fit(points, view.eye)
-                if self._is_open(vessel, points, view.grid, view.clear) and self._has_both_sides(
-                    vessel, len(samples[a])
-                ):
-                    segments = np.where(segments == b, a, segments)
-                    samples[b] = samples[a]
-        return segments
+            if labels[a] != labels[b] and self._are_sides(samples[a], samples[b], view):
+                labels[labels == labels[b]] = labels[a]
+        return labels[segments]
 
     def detect(
         self,
@@ -202,15 +197,18 @@ class Vessels:
             return False
         return bool(self.tolerances.inlier_ratio(distances) >= self.tolerances.min_inlier_ratio)
 
-    def _has_both_sides(self, vessel: FittedVessel, first_points: int) -> bool:
-        """Whether a vessel explains both parts of its points, one as inside, one as outside."""
-        are_inside = []
-        for part in np.s_[:first_points], np.s_[first_points:]:
-            distances = vessel.distances[part]
-            if self.tolerances.inlier_ratio(distances) < self.tolerances.min_inlier_ratio:
-                return False
-            are_inside.append(vessel.inside[part].mean() > MAJORITY)
-        return are_inside[0] != are_inside[1]
+    def _are_sides(self, a: Float64, b: Float64, view: ViewGeometry) -> bool:
+        """Whether one vessel explains both parts, one as its inside, one as its outside."""
+        if view.eye is None or not self._may_be_sides(a, b):
+            return False
+        points = np.concatenate([a, b])
+        vessel = self.fit.fit(points, view.eye)
+        if not self._is_open(vessel, points, view.grid, view.clear):
+            return False
+        parts = np.s_[: len(a)], np.s_[len(a) :]
+        ratios = [self.tolerances.inlier_ratio(vessel.distances[part]) for part in parts]
+        are_inside = [vessel.inside[part].mean() > MAJORITY for part in parts]
+        return min(ratios) >= self.tolerances.min_inlier_ratio and are_inside[0] != are_inside[1]
 
     def _points(self, masks: Int32, view: ViewGeometry, label: int, count: int) -> Float64:
         """At most so many points of an object, not where its image ends: they are of nothing."""

@@ -123,6 +123,18 @@ def test_inside_and_outside_are_one(vessel, eye, size):
     np.testing.assert_array_equal(joined, scene[0])
 
 
+def test_all_pieces_of_an_inside_join_the_outside():
+    """Whatever their numbers."""
+    shown, geometry = scene_of(BOWL.mesh(), EYES[0])
+    is_inside = faces_its_axis(geometry.points, geometry.eye)
+    pieces = np.where(is_inside, np.where(geometry.points[..., 0] > PLACE[0], 3, 1), 2)
+    segments = (pieces * shown).astype(np.int32)
+    assert np.bincount(segments.ravel())[1:].min() > 300
+    joined = Vessels(VesselFit(), TOLERANCES, min_width_ratio=0.5).join(segments, geometry)
+    assert len(np.unique(joined)) == 2
+    np.testing.assert_array_equal(joined > 0, shown > 0)
+
+
 @pytest.mark.parametrize("eye", EYES)
 @pytest.mark.parametrize(
     "second",
