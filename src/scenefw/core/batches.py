@@ -32,10 +32,11 @@ class CameraBatch:
     intrinsics: Tensor
     T_world_camera: Tensor
 
-    def of(self, index: int) -> CameraBatch:
-        """One camera as a batch of one."""
-        row = slice(index, index + 1)
-        return CameraBatch(self.width, self.height, self.intrinsics[row], self.T_world_camera[row])
+    def of(self, rows: int | Tensor) -> CameraBatch:
+        """Some of the cameras as a batch, by their numbers (R,); one number is a batch of one."""
+        picked = slice(rows, rows + 1) if isinstance(rows, int) else rows
+        intrinsics, poses = self.intrinsics[picked], self.T_world_camera[picked]
+        return CameraBatch(self.width, self.height, intrinsics, poses)
 
 
 @dataclass(frozen=True)

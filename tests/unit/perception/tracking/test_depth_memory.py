@@ -12,8 +12,8 @@ from scenefw.data.files.readers import read_frames
 from scenefw.noise.frames import disturb
 from scenefw.noise.kinect import Kinect
 from scenefw.noise.stereo import Stereo
+from scenefw.noise.time_of_flight import TimeOfFlight
 from scenefw.perception.tracking.depth_memory import DepthMemory, depth_sigma
-from scenefw_single_view_benchmarks.time_of_flight import TimeOfFlight
 
 SIGMA = 0.002
 

@@ -12,7 +12,7 @@ from torch.nn import functional
 from scenefw.core.rng import Streams
 from scenefw.core.settings import NOT_NEGATIVE, POSITIVE, SHARE
 from scenefw.kernels.cameras import finite
-from scenefw_single_view_benchmarks.time_of_flight import patch_nodes, patches
+from scenefw.noise.time_of_flight import patch_nodes, patches
 
 if TYPE_CHECKING:
     from scenefw.core.batches import CameraBatch

@@ -6,8 +6,8 @@ from tests.unit.kernels import analytic
 
 from scenefw.core.errors import ConfigError
 from scenefw.kernels.cameras import stack_cameras
-from scenefw_single_view_benchmarks.phone_lidar import PhoneLidar
-from scenefw_single_view_benchmarks.time_of_flight import TimeOfFlight
+from scenefw.noise.phone_lidar import PhoneLidar
+from scenefw.noise.time_of_flight import TimeOfFlight
 
 SIZE = (60, 80)
 

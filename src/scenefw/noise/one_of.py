@@ -1,0 +1,57 @@
+"""Noise of one of several sensors, drawn for each image."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+
+from scenefw.core.errors import ConfigError
+from scenefw.core.rng import Streams
+from scenefw.core.settings import SHARE
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from scenefw.core.batches import CameraBatch
+    from scenefw.core.protocols import Noise
+
+
+class OneOf:
+    """Disturbs each image as one of several sensors would, each sensor as often as the others.
+
+    Args:
+        sensors: noise by name.
+        share: share of the images that are disturbed.
+
+    Raises:
+        ConfigError: there is no sensor, or a share that is none.
+    """
+
+    def __init__(self, sensors: Mapping[str, Noise], share: float) -> None:
+        if not sensors:
+            raise ConfigError("one_of has no sensors; name at least one")
+        SHARE.require(share=share)
+        self.sensors, self.share = dict(sensors), share
+
+    def apply(self, depth: Tensor, cameras: CameraBatch, seeds: Tensor) -> Tensor:
+        """Noisy copy of z-depth (B, H, W) in metres; 0 stays 0.
+
+        Args:
+            depth: (B, H, W) metres.
+            cameras: one per image.
+            seeds: (B,) int64, 0 or more: one per image, on the same device.
+        """
+        lots = Streams.of(0, 1, indices=seeds.cpu().numpy()).uniform(2)
+        choices = np.where(
+            lots[:, 0] < self.share, np.floor(lots[:, 1] * len(self.sensors)).astype(int), -1
+        )
+        noisy = depth.float()
+        for number, sensor in enumerate(self.sensors.values()):
+            rows = torch.from_numpy(np.flatnonzero(choices == number)).to(depth.device)
+            if len(rows):
+                disturbed = sensor.apply(depth[rows], cameras.of(rows), seeds[rows])
+                noisy = noisy.index_copy(0, rows, disturbed)
+        return noisy
