@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 
 _SCORED_POINTS = 4096
 _EXAMINED_PLANES = 40  # random planes with most points, of which is asked what is seen through them
+_PLANES_AT_ONCE = 32  # their distances from all scored points fit into a core's cache
 _UPRIGHT_WEIGHT = 1.5  # images are mostly upright: a wall needs more points than a floor
 TABLE_HEIGHT = 0.3
 """A plane this far above another (m) is a table on a room's floor; so high is what lies on one."""
@@ -102,20 +103,28 @@ class FloorFinder:
         heights = -np.einsum("ij,ij->i", normals, corners[:, 0])
         signs = np.where(heights < 0, -1.0, 1.0)  # the camera is above its floor
         normals, heights = normals * signs[:, None], heights * signs
-        inliers = self._inliers(sample, normals @ sample.T + heights[:, None])
         upright = _UPRIGHT_WEIGHT - normals[:, 1]
-        examined = np.argsort(-inliers.sum(axis=1) * upright)[:_EXAMINED_PLANES]
+        most = upright * self._inlier_ratios(sample, normals, heights)
         subset = all_points[:: max(1, len(all_points) // len(sample))]
-        scores = [
-            upright[i]
-            * (
-                inliers[i].mean()
-                - self._seen_through(subset, normals[i], heights[i], sample[inliers[i]])
-            )
-            for i in examined
-        ]
-        best = examined[int(np.argmax(scores))]
+        best, best_score = -1, -np.inf
+        for i in np.argsort(-most)[:_EXAMINED_PLANES]:
+            if most[i] <= best_score:  # nor has any plane after it a higher score
+                break
+            inliers = sample[self._inliers(sample, sample @ normals[i] + heights[i])]
+            seen_through = self._seen_through(subset, normals[i], heights[i], inliers)
+            score = most[i] - upright[i] * seen_through
+            if score > best_score:
+                best, best_score = i, score
         return normals[best], float(heights[best])
+
+    def _inlier_ratios(self, points: Array, normals: Array, heights: Array) -> Array:
+        """Ratio (P,) of points (N, 3) that lie on each of P planes."""
+        ratios = np.empty(len(normals))
+        for first in range(0, len(normals), _PLANES_AT_ONCE):
+            rows = slice(first, first + _PLANES_AT_ONCE)
+            distance = normals[rows] @ points.T + heights[rows, None]
+            ratios[rows] = self._inliers(points, distance).mean(axis=1)
+        return ratios
 
     def _seen_through(self, points: Array, normal: Array, height: float, inliers: Array) -> float:
         """Share of points that a plane would hide, within the convex hull of its own points."""
