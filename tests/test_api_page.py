@@ -13,21 +13,11 @@ PAGE = (DOCS / "api.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```pycon\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
 
 
-SLOW = ("decomposing", "scenes")  # what these load takes most of the time
-QUICK = [block for block in BLOCKS if not any(f'load("{name}"' in block for name in SLOW)]
-
-
-@pytest.mark.parametrize(
-    ("blocks", "further"),
-    [
-        pytest.param(QUICK, set(), id="quick"),
-        pytest.param(BLOCKS, {"blocks.ply", "drawn"}, id="all", marks=pytest.mark.exhaustive),
-    ],
-)
-def test_examples_show_what_the_page_says(tmp_path, monkeypatch, blocks, further):
+@pytest.mark.exhaustive
+def test_examples_show_what_the_page_says(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     examples = [
-        example for block in blocks for example in doctest.DocTestParser().get_examples(block)
+        example for block in BLOCKS for example in doctest.DocTestParser().get_examples(block)
     ]
     assert len(examples) > 15
     page = doctest.DocTest(examples, {}, "docs/api.md", "docs/api.md", 0, PAGE)
@@ -38,7 +28,7 @@ def test_examples_show_what_the_page_says(tmp_path, monkeypatch, blocks, further
         runner.run(page, out=said.append)
     assert runner.summarize(verbose=False).failed == 0, "".join(said)
     files = {path.name for path in tmp_path.iterdir()}
-    assert files == {"changed", "map.npz", "scene.glb", "scene.xml"} | further
+    assert files == {"changed", "map.npz", "scene.glb", "scene.xml", "blocks.ply", "drawn"}
 
 
 @pytest.mark.exhaustive

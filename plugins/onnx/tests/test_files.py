@@ -105,7 +105,12 @@ def network(kind):
     return named_network(Checkpoint(made.eval(), GridSpec(8), {}, metadata), task)
 
 
-@pytest.mark.parametrize("kind", NETWORKS)
+QUICK = ("shapes_of_a_plugin", "labels")
+
+
+@pytest.mark.parametrize(
+    "kind", [k if k in QUICK else pytest.param(k, marks=pytest.mark.exhaustive) for k in NETWORKS]
+)
 def test_onnxruntime_gives_what_torch_gives(kind, tmp_path):
     named = network(kind)
     difference = write_onnx(tmp_path / "a.onnx", named, {"sha256": "0f"}, 1e-4)

@@ -14,8 +14,10 @@ from scenefw.core.errors import (
     InputError,
     MissingDependencyError,
 )
+from scenefw.core.types import GridSpec
 from scenefw.labelling.sources import NetworkLabels
-from scenefw.learning.checkpoint import load_checkpoint
+from scenefw.learning.checkpoint import Checkpoint, load_checkpoint
+from scenefw.models.fusenet import FuseNet
 from scenefw_onnx.files import write_onnx
 from scenefw_onnx.label_source import OnnxLabels
 from scenefw_onnx.networks import named_network
@@ -24,11 +26,21 @@ pytest.importorskip("onnxruntime", reason="pip install 'scenefw[onnx]'")
 pytest.importorskip("onnxscript", reason="pip install 'scenefw[onnx]'")
 
 
-def exported(folder, name, task="segmentation"):
-    network = named_network(load_checkpoint(None, task=task, shipped=name), task)
+def exported(folder, name):
+    checkpoint = load_checkpoint(None, task="segmentation", shipped=name)
+    network = named_network(checkpoint, "segmentation")
     path = folder / f"{name}.onnx"
     write_onnx(path, network, {}, 1e-3)
     return path
+
+
+def of_maps(folder):
+    """A small network that labels height maps."""
+    metadata = {"classes": ["a", "b", "c"], "input": "maps"}
+    network = FuseNet(3, (3, 4), (1, 1), block=2).eval()
+    checkpoint = Checkpoint(network, GridSpec(8), {}, metadata)
+    write_onnx(folder / "maps.onnx", named_network(checkpoint, "segmentation"), {}, 1e-3)
+    return folder / "maps.onnx"
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +89,7 @@ def test_what_cannot_be_used_is_one_line(views, frame, tmp_path, monkeypatch):
     with pytest.raises(CheckpointError, match="no ONNX file"):
         OnnxLabels(tmp_path / "damaged.onnx")
     with pytest.raises(CheckpointError, match="no network that labels views"):
-        OnnxLabels(exported(tmp_path, "label_maps"))
+        OnnxLabels(of_maps(tmp_path))
     monkeypatch.setitem(sys.modules, "onnxruntime", None)
     with pytest.raises(MissingDependencyError, match=r"scenefw\[onnx\]"):
         OnnxLabels(views)
