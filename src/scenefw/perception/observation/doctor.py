@@ -16,6 +16,7 @@ from scenefw.data.files.image_checks import check_depth
 from scenefw.perception.observation.colour_alignment import colour_shift
 from scenefw.perception.observation.depth_reading import better_reading
 from scenefw.perception.observation.floor import FloorFinder
+from scenefw.perception.observation.object_groups import MAX_UNSAID_RATIO
 from scenefw.perception.observation.workspace import Workspace
 
 GOOD, ODD, UNUSABLE = "good", "odd", "unusable"
@@ -25,7 +26,6 @@ _FIELD_OF_VIEW = (15.0, 120.0)
 _FOCAL_RATIO = 1.2
 _MAX_CENTRE_OFFSET = 0.25  # of the sides
 _MAX_DEVIATION = 0.01  # m
-_MAX_OTHER_RATIO = 0.05  # of what rises above the floor that may be left out without a word
 _MIDDLE = 0.06  # of the sides: so near the middle, a centre belongs to an image of that shape
 _MAX_PIXELS = 4_000_000  # beyond, time and memory grow and accuracy hardly does
 _FIX_SEPARATOR = re.compile(r"; |(?<=\?) ")
@@ -325,7 +325,7 @@ def _check_other_surfaces(workspace: Workspace) -> list[Check]:
     parts = [
         f"{mask.sum() / total:.0%} {kind} at the {_place(mask)}"
         for kind, mask in masks.items()
-        if mask.sum() > _MAX_OTHER_RATIO * total
+        if mask.sum() > MAX_UNSAID_RATIO * total
     ]
     if not parts:
         return []

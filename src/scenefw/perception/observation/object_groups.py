@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 _RASTER = FloorRaster()
 _MIN_CELLS = 4  # of a group of objects
 _MIN_POINTS = 30  # of a group of objects
+MAX_UNSAID_RATIO = 0.05
+"""Ratio of what rises above the floor that may be left out without a word."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,8 @@ def object_groups(
     """Raster of group numbers, and the groups of object points (N, 3) that are not noise.
 
     Objects beside each other are one group; if it doesn't fit into a square of `side` (m), only
-    those that touch are.
+    those that touch are. If even these don't, but nearly all of their points do, the others are
+    noise: where a sensor blurs edges, slopes lead from an object to what is far behind it.
     """
     counts = _RASTER.count(points)
     sums = _RASTER.count(points, weights)
@@ -63,9 +66,26 @@ def object_groups(
     groups = []
     for label in np.unique(labels[occupied]):
         mask = labels == label
+        if np.ptp(_RASTER.centres(mask), axis=0).max() > side:
+            outside = mask & ~_fullest_square(np.where(mask, counts, 0), side)
+            if counts[outside].sum() <= MAX_UNSAID_RATIO * counts[mask].sum():
+                labels = np.where(outside, 0, labels)
+                mask &= ~outside
         if mask.sum() >= _MIN_CELLS and counts[mask].sum() >= _MIN_POINTS:
             groups.append(ObjectGroup(int(label), _RASTER.centres(mask), float(sums[mask].sum())))
     return labels, groups
+
+
+def _fullest_square(counts: NDArray[np.int64], side: float) -> NDArray[np.bool_]:
+    """The square of `side` (m) that holds most points, by their numbers in each cell."""
+    width = int(side / _RASTER.cell)
+    sums = np.pad(counts.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
+    rows = sums[width:] - sums[:-width]
+    held = rows[:, width:] - rows[:, :-width]
+    row, column = np.unravel_index(held.argmax(), held.shape)
+    square = np.zeros(counts.shape, dtype=bool)
+    square[row : row + width, column : column + width] = True
+    return square
 
 
 def fitting_groups(
