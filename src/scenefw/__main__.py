@@ -40,7 +40,7 @@ usage: python -m scenefw [-m] [-v] [group=option ...] [key=value ...]
   python -m scenefw experiment=simstack run=evaluate            figures of the shipped weights
   python -m scenefw experiment=simstack run=generate            regenerates the stacks
   python -m scenefw experiment=osd input=FOLDER                 scores on labelled real images
-  python -m scenefw run=label labelling=hybrid input=FOLDER     an RGB-D sequence to a labelled map
+  python -m scenefw run=label input=FOLDER                      an RGB-D sequence to a labelled map
   python -m scenefw experiment=labelling                        labelling strategies compared
   python -m scenefw -m experiment=simstack debug=smoke seed=1,2 a sweep: one run per value
   python -m scenefw run=predict --cfg job --package run         the settings of run=predict

@@ -84,9 +84,7 @@ def load(name: str = "reconstruction", *overrides: str, **settings: Setting) -> 
     if name == "labelling":
         from scenefw.api.labeller import Labeller
 
-        has_strategy = any(word.partition("=")[0] == "labelling" for word in words)
-        strategy = [] if has_strategy else ["labelling=hybrid"]
-        return Labeller.built(Settings(["run=label", *strategy, *words]))
+        return Labeller.built(Settings(["run=label", *words]))
     if name == "decomposing":
         from scenefw.api.decomposer import Decomposer
 

@@ -23,7 +23,7 @@ from scenefw.mapping.semantic_fusion import SemanticFusion
 from scenefw.tasks.label import Label
 from scenefw_labelling_studies.image_space_fusion import ImageSpaceFusion
 
-WORDS = ["run=label", "labelling=hybrid", "debug=smoke", "paths.output=out"]
+WORDS = ["run=label", "debug=smoke", "paths.output=out"]
 
 
 def hybrid():
