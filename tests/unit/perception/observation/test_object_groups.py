@@ -10,8 +10,7 @@ SIDE = 0.9
 
 
 def square(rng, count, low, high):
-    points = rng.uniform([*low, 0.02], [*high, 0.1], (count, 3))
-    return points
+    return rng.uniform([*low, 0.02], [*high, 0.1], (count, 3))
 
 
 def groups_of(*parts):
