@@ -2,15 +2,19 @@
 
     python -m benchmarks.results              prints the tables, the weights that ship first
     python -m benchmarks.results --write      makes docs/results/README.md of them
+    python -m benchmarks.results --renew osd real --inputs FOLDER
+                                              runs pages anew and counts it; commands read FOLDER
 
 `docs/results/ledger.jsonl` has a line for each run of a page, in the order of the tables.
 """
 
 import argparse
 import json
+import shlex
+import subprocess
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from benchmarks.trainings import markdown
@@ -95,6 +99,50 @@ def read(path: Path = LEDGER) -> list[Result]:
         raise ConfigError(f"the ledger {path} can't be read ({squash(error)})") from error
 
 
+def write(results: Sequence[Result], path: Path = LEDGER) -> None:
+    """Writes the lines of a ledger; what is not said takes no place."""
+    defaults = {"together": None, "before": ()}
+    lines = [
+        {k: v for k, v in asdict(result).items() if k not in defaults or v != defaults[k]}
+        for result in results
+    ]
+    write_text(path, "".join(f"{json.dumps(line, ensure_ascii=False)}\n" for line in lines))
+
+
+def renew(page: str, inputs: Path, ledger: Path = LEDGER) -> None:
+    """Runs the command of a page anew, and writes page and ledger.
+
+    Args:
+        page: its name without `.md`.
+        inputs: the folder in which the command finds its inputs.
+        ledger: its file, beside the pages.
+
+    Raises:
+        ConfigError: the ledger has no such page, or the page is made of several runs.
+        subprocess.CalledProcessError: the command failed; it has said why.
+    """
+    results, name = read(ledger), f"{page}.md"
+    rows = [number for number, result in enumerate(results) if result.page == name]
+    if len(rows) != 1:
+        raise ConfigError(f"the ledger has {len(rows)} runs of {name}; one can be renewed")
+    before = results[rows[0]]
+    output = ledger.parents[2] / "outputs" / "figures" / page
+    words = [sys.executable, *shlex.split(before.command)[1:], f"paths.output={output}"]
+    subprocess.run([*words, f"report.publish={ledger.parent / name}"], cwd=inputs, check=True)
+    facts = json.loads((output / "run.json").read_text(encoding="utf-8"))
+    weights = {Path(file).stem: digest[:10] for file, digest in facts["weights"].items()}
+    after = replace(before, weights=weights, commit=facts["versions"]["commit"][:10], ships=True)
+    if isinstance(before.evaluated, int):
+        after = replace(after, evaluated=before.evaluated + 1)
+    results[rows[0]] = after
+    if before.together:  # all pages of these scenes
+        looks = before.together + 1
+        results = [
+            replace(r, together=looks) if r.together == before.together else r for r in results
+        ]
+    write(results, ledger)
+
+
 def document(results: Sequence[Result]) -> str:
     """The text of docs/results/README.md."""
     tables, pages = "", dict[str, list[str]]()
@@ -112,12 +160,19 @@ def main() -> None:
     """The command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--write", action="store_true")
-    write = parser.parse_args().write
+    parser.add_argument("--renew", nargs="+", metavar="PAGE", default=[])
+    parser.add_argument("--inputs", type=Path, default=Path(), metavar="FOLDER")
+    options = parser.parse_args()
     try:
+        for page in options.renew:
+            renew(page, options.inputs)
         text = document(read())
-        write_text(DOCUMENT, text) if write else sys.stdout.write(text)
+        is_written = options.write or options.renew
+        write_text(DOCUMENT, text) if is_written else sys.stdout.write(text)
     except SceneFWError as error:
         sys.exit(f"error: {error}")
+    except subprocess.CalledProcessError as error:
+        sys.exit(error.returncode)
 
 
 if __name__ == "__main__":

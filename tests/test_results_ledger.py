@@ -85,3 +85,44 @@ def test_a_broken_ledger_is_one_line(tmp_path, line):
     (path := tmp_path / "ledger.jsonl").write_text(line)
     with pytest.raises(ConfigError, match=r"ledger\.jsonl can't be read"):
         results.read(path)
+
+
+FAKE = """
+import json, pathlib, sys
+
+words = dict(word.partition("=")[::2] for word in sys.argv[1:])
+assert words["input"] == "images" and pathlib.Path("images").is_dir()
+output = pathlib.Path(words["paths.output"])
+output.mkdir(parents=True)
+facts = {"weights": {"net.safetensors": "ab" * 32}, "versions": {"commit": "c0" * 20}}
+(output / "run.json").write_text(json.dumps(facts))
+pathlib.Path(words["report.publish"]).write_text("# New")
+"""
+
+
+def test_a_page_is_renewed_and_its_looks_are_counted(tmp_path):
+    ledger = tmp_path / "docs" / "results" / "ledger.jsonl"
+    ledger.parent.mkdir(parents=True)
+    (tmp_path / "inputs" / "images").mkdir(parents=True)
+    script = tmp_path / "fake.py"
+    script.write_text(FAKE)
+    shared = {"data": "3 views", "split": "test", "weights": {}, "ships": False, "commit": "c"}
+    lines = [
+        results.Result("a.md", f"python {script} input=images", evaluated=2, together=5, **shared),
+        results.Result("b.md", "python b", evaluated=None, together=5, **shared),
+        results.Result("c.md", "python c", evaluated=1, before=("python d",), **shared),
+        results.Result("c.md", "python e", evaluated=1, **shared),
+    ]
+    results.write(lines, ledger)
+    assert results.read(ledger)[1] == lines[1]
+    results.renew("a", tmp_path / "inputs", ledger)
+    first, second, third, _ = results.read(ledger)
+    assert (first.evaluated, first.together, second.together) == (3, 6, 6)
+    assert (first.weights, first.commit) == ({"net": "ab" * 5}, "c0" * 5)
+    assert first.ships
+    assert second.evaluated is None
+    assert third.before == ["python d"]
+    assert (ledger.parent / "a.md").read_text() == "# New"
+    for page in ("c", "none"):
+        with pytest.raises(ConfigError, match="can be renewed"):
+            results.renew(page, tmp_path, ledger)
