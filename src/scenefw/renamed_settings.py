@@ -98,6 +98,7 @@ DELETED: Mapping[str, str] = {
     "edges.colour.smoothing": _SMOOTHED,
     "grouping.reassign": _GROUPED,
     "grouping.min_divided": _GROUPED,
+    "settling.rank": "ranking=stability",
     "grouping.reach": "nothing: it is two voxels",
     "observer.workspace.margin": "nothing: objects stay a voxel from the sides of the cube",
     "run=headline": "run=publish, with run.results=[FOLDER,...]",

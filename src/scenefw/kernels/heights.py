@@ -26,7 +26,6 @@ _ZERO = np.float32(0)
 _HALF = np.float32(0.5)
 _QUARTER = np.float32(0.25)
 _ONE = np.float32(1)
-_TWO = np.float32(2)
 _PULL = np.float32(1e-3)  # keeps vertices apart that measurements only fix together
 
 

@@ -13,7 +13,6 @@ from scenefw.core.batches import CameraBatch, IndexBatch, SceneParameters
 from scenefw.core.set_flows import SetFlowBatch
 from scenefw.core.settings import COUNT, NOT_NEGATIVE
 from scenefw.core.types import GridSpec
-from scenefw.data.batches.moved_scenes import scaled
 from scenefw.data.batches.object_ends import object_ends
 from scenefw.data.batches.ray_images import ray_images
 from scenefw.data.batches.scene_batches import SceneBatches
@@ -140,7 +139,7 @@ class SetFlowViews(SceneBatches):
         ]
         intrinsics, poses, factors, mirrored, sigmas, *random, seeds = to_device(arrays, device)
         cameras = CameraBatch(self.lens.width, self.lens.height, intrinsics, poses)
-        parameters = scaled(parameters, factors)
+        parameters = _scaled(parameters, factors)
         depth, owners = ray_images(parameters, cameras, self.noise, seeds)
         views = self._view_batch(parameters, cameras, depth, owners, sigmas, *random)
         return _mirrored(views, mirrored > 0)
@@ -193,6 +192,12 @@ class SetFlowViews(SceneBatches):
             [noise[..., None] * ray, torch.zeros_like(ray), -noise[..., None]], dim=-1
         )
         return torch.where(ends.any(dim=-1, keepdim=True), ends + shift, 0.0)
+
+
+def _scaled(scenes: SceneParameters, factors: Tensor) -> SceneParameters:
+    """Scenes (B) times factors (B, 1), about the origin on the floor."""
+    by = factors[:, :, None]
+    return replace(scenes, half_axes=scenes.half_axes * by, positions=scenes.positions * by)
 
 
 def _intrinsics(lens: Any) -> list[float]:

@@ -6,14 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
-POINTS_OF_VIEW = 1024
-"""Points that a decoder of sets is shown of a view, unless its weights say otherwise."""
-
-WIDTH_OF_VIEW = 128
-"""Pixels along the images that decoders of sets see, unless their weights say otherwise."""
-
-# Keys in the metadata of weights
-_OBJECTS, _VIEW, _WIDTH = "samples_of_objects", "points_of_view", "width_of_view"
+_OBJECTS = "samples_of_objects"  # key in the metadata of weights
 
 
 @dataclass(frozen=True)
@@ -38,23 +31,3 @@ class ObjectSamples:
     def facts(self) -> dict[str, Any]:
         """For the metadata."""
         return {_OBJECTS: asdict(self)}
-
-
-def points_of_view(metadata: Mapping[str, Any]) -> int:
-    """Points of a view that the decoder of these metadata was trained with."""
-    return int(metadata.get(_VIEW, POINTS_OF_VIEW))
-
-
-def view_facts(points: int) -> dict[str, Any]:
-    """The number of points for the metadata."""
-    return {_VIEW: points}
-
-
-def width_of_view(metadata: Mapping[str, Any]) -> int:
-    """Width of the images (pixels) that the decoder of these metadata was trained with."""
-    return int(metadata.get(_WIDTH, WIDTH_OF_VIEW))
-
-
-def image_facts(width: int) -> dict[str, Any]:
-    """The width of images for the metadata."""
-    return {_WIDTH: width}

@@ -92,11 +92,6 @@ def intrinsics_file(folders: Iterable[Path], stems: Iterable[str] = ()) -> Path 
     return None
 
 
-def read_intrinsics(path: Path) -> NDArray[np.float64]:
-    """Intrinsic matrix K (3, 3) in pixels from a file, as `read_calibration` reads it."""
-    return read_calibration(path).matrix
-
-
 def read_calibration(path: Path) -> Calibration:
     """Intrinsics and what else a .json, .yaml, .yml, .intr or .txt file says of a camera.
 

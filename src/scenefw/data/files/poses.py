@@ -41,15 +41,6 @@ def read_numbers(path: Path) -> list[list[str]]:
     return [line for line in words if line]
 
 
-def read_poses(path: Path) -> list[Array]:
-    """`T_world_camera` (4, 4) of each line: 16, 12 or 7 numbers.
-
-    Raises:
-        InputError: the file is missing, or a line is not a pose.
-    """
-    return [pose_of(words, f"line {i + 1} of {path}") for i, words in enumerate(read_numbers(path))]
-
-
 def write_poses(path: Path, poses: Sequence[Array], *, ordered: bool = True) -> None:
     """Writes one 4 x 4 matrix per line, row by row, atomically."""
     lines = [] if ordered else [UNORDERED]

@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 from scenefw.core.errors import ConfigError
 
-SOURCE = "thesis, table 5.1"
 VIEWS = 3
 
 

@@ -30,7 +30,6 @@ class PhysicalSettling:
         steps: of the simulation at most; it ends when everything rests.
         furthest: an object that moves further stays as it was (m).
         steepest: objects of a stable scene turn by less (degrees).
-        rank: puts the scene first whose objects move least.
 
     Raises:
         ConfigError: a number that isn't positive.
@@ -43,20 +42,15 @@ class PhysicalSettling:
         steps: int = 2400,
         furthest: float = 0.2,
         steepest: float = 30.0,
-        *,
-        rank: bool = False,
     ) -> None:
         COUNT.require(steps=steps)
         POSITIVE.require(furthest=furthest, steepest=steepest)
         self.engine, self.bodies, self.steps = engine, bodies, steps
-        self.furthest, self.steepest, self.rank = furthest, steepest, rank
+        self.furthest, self.steepest = furthest, steepest
 
     def settle(self, scenes: Sequence[SceneEstimate]) -> list[SceneEstimate]:
-        """Scenes of one image with their objects at rest; the most stable first if it ranks."""
-        settled_scenes = [
-            self._settle_scene(scene, number) for number, scene in enumerate(scenes, start=1)
-        ]
-        return sorted(settled_scenes, key=_displacement) if self.rank else settled_scenes
+        """Scenes of one image with their objects at rest."""
+        return [self._settle_scene(scene, number) for number, scene in enumerate(scenes, start=1)]
 
     def _settle_scene(self, scene: SceneEstimate, number: int) -> SceneEstimate:
         meshes = {item.id: item.mesh for item in scene.objects}
@@ -117,9 +111,3 @@ def words(scene: SceneEstimate) -> str:
 
 def _motion_matrix(start: Float64, motion: Motion) -> Float64:
     return np.asarray(motion.pose.matrix @ inverse(start))
-
-
-def _displacement(scene: SceneEstimate) -> float:
-    """Mean displacement of a scene's objects; scenes without any come last."""
-    displacement = scene.details["settled"]["displacement"]
-    return float("inf") if displacement is None else float(displacement)

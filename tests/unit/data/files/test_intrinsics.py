@@ -6,7 +6,7 @@ import pytest
 from scenefw.core.errors import InputError
 from scenefw.core.types import Camera
 from scenefw.data.files.arrays import frame_of
-from scenefw.data.files.intrinsics import camera_from_matrix, read_intrinsics
+from scenefw.data.files.intrinsics import camera_from_matrix, read_calibration
 from scenefw.data.files.readers import read_frame
 
 K = np.array([[60.0, 0, 20], [0, 61, 15], [0, 0, 1]])
@@ -26,10 +26,10 @@ def test_a_transposed_matrix_is_named():
 def test_a_byte_order_mark_is_no_number(tmp_path):
     path = tmp_path / "K.json"
     path.write_bytes(b"\xef\xbb\xbf" + json.dumps(SIZED).encode())
-    np.testing.assert_array_equal(read_intrinsics(path), K)
+    np.testing.assert_array_equal(read_calibration(path).matrix, K)
     path = tmp_path / "K.txt"
     path.write_bytes(b"\xef\xbb\xbf60 61 20 15")
-    np.testing.assert_array_equal(read_intrinsics(path), K)
+    np.testing.assert_array_equal(read_calibration(path).matrix, K)
 
 
 @pytest.mark.parametrize("given", [Camera(40, 30, 60, 61, 20, 15), SIZED, "file", "beside"])

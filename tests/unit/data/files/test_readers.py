@@ -8,7 +8,7 @@ from PIL import Image
 from tests.unit.data import damaged
 
 from scenefw.core.errors import InputError
-from scenefw.data.files.intrinsics import read_intrinsics
+from scenefw.data.files.intrinsics import read_calibration
 from scenefw.data.files.readers import (
     decode_labels,
     find_images,
@@ -232,7 +232,7 @@ def test_png_without_intrinsics_says_where_to_put_them(tmp_path):
 def test_bad_intrinsics_are_one_line(tmp_path, name, text, words):
     (tmp_path / name).write_text(text)
     with pytest.raises(InputError, match=words) as error:
-        read_intrinsics(tmp_path / name)
+        read_calibration(tmp_path / name)
     one_line(error)
 
 
