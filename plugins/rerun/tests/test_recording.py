@@ -10,8 +10,8 @@ from tests.unit.tasks.test_predict import save
 from scenefw.core.errors import InputError, MissingDependencyError, SettingError
 from scenefw.core.types import GridSpec
 from scenefw.data.files.sequences import write_sequence
-from scenefw.tasks.view import View
 from scenefw_rerun.tasks import RecordMap, RecordPrediction
+from scenefw_viewer.view import View
 
 
 def view(image, output):

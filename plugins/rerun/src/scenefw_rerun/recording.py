@@ -11,8 +11,8 @@ from scenefw.core.errors import MissingDependencyError
 from scenefw.core.files import replacing
 from scenefw.export.surface_colours import surface_colours
 from scenefw.perception.physics.support_graph import FLOOR, support_graph
-from scenefw.report.labelling.map_surface import looks, surface
 from scenefw.report.palette import colours_of
+from scenefw_viewer.map_surface import looks, surface
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -9,8 +9,8 @@ from scenefw.core.files import require_writable
 from scenefw.core.settings import COUNT
 from scenefw.tasks.label import Label
 from scenefw.tasks.several_images import finished, require_some
-from scenefw.tasks.view import View
 from scenefw_rerun.recording import MapRecorder, log_prediction, recording, require_rerun
+from scenefw_viewer.view import View
 
 
 class RecordPrediction:

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from scenefw.core.errors import ConfigError, MissingDependencyError
+from scenefw.core.ports import require_free
 from scenefw.core.settings import NOT_NEGATIVE
 from scenefw.core.types import Camera, Frame
-from scenefw.report.viewer_server import require_free
 from scenefw_serving.image_request import Predictions
 from scenefw_serving.limits import Limits
 from scenefw_serving.protocols import Route

@@ -5,8 +5,8 @@ import pytest
 from tests.unit.tasks.recordings import table
 
 from scenefw.core.height_maps import HeightGrid
-from scenefw.report.labelling.map_surface import looks, reduced, surface
 from scenefw.report.palette import class_colours
+from scenefw_viewer.map_surface import looks, reduced, surface
 
 
 @pytest.mark.parametrize(("largest", "side"), [(1000, 129), (70, 65), (40, 33), (1, 2)])

@@ -14,10 +14,10 @@ from scenefw.perception.estimate.base_frame import in_base
 from scenefw.perception.physics.support_graph import support_graph
 from scenefw.perception.ranking.next_view import next_views, views_around
 from scenefw.report import layers
-from scenefw.report.edits import Edits
-from scenefw.report.object_table import object_table
 from scenefw.report.palette import instance_colours
-from scenefw.report.stage import Stage
+from scenefw_viewer.edits import Edits
+from scenefw_viewer.object_table import object_table
+from scenefw_viewer.stage import Stage
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

@@ -15,10 +15,10 @@ from tests.unit.tasks.recordings import table
 from scenefw.core.types import GridSpec
 from scenefw.export.scene_files import GLB
 from scenefw.perception.estimate.transforms import without
-from scenefw.report.labelling.map_viewer import MapViewer
 from scenefw.report.layers import Prediction
-from scenefw.report.viewer import Viewer
-from scenefw.report.viewer_server import open_server
+from scenefw_viewer.map_viewer import MapViewer
+from scenefw_viewer.server import open_server
+from scenefw_viewer.viewer import Viewer
 
 
 @pytest.fixture

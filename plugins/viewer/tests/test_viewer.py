@@ -11,14 +11,15 @@ from tests.unit.perception.synthetic import camera_at, frame_of
 
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.geometry import rigid
+from scenefw.core.ports import require_free
 from scenefw.core.types import GridSpec
 from scenefw.export.scene_files import GLB, PLY, Summary
 from scenefw.perception.estimate.transforms import moved, without
 from scenefw.report.layers import Prediction
-from scenefw.report.viewer import Viewer
-from scenefw.report.viewer_server import open_server, require_free
 from scenefw_simulators.mjcf import MJCF
 from scenefw_simulators.urdf import URDF
+from scenefw_viewer.server import open_server
+from scenefw_viewer.viewer import Viewer
 
 pytest.importorskip("viser")
 

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from scenefw.core.types import Float64, ObjectEstimate, TriangleMesh
-    from scenefw.report.edits import Edits
     from scenefw.report.layers import Prediction
+    from scenefw_viewer.edits import Edits
 
 LAYERS = (
     "points",

@@ -5,7 +5,7 @@ from tests.unit.perception.synthetic import camera_at, frame_of
 
 from scenefw.core.geometry import rigid
 from scenefw.core.types import GridSpec
-from scenefw.report.edits import Edits
+from scenefw_viewer.edits import Edits
 
 GRID = GridSpec(resolution=32)
 CAMERA = camera_at(eye=(0.0, -0.85, 0.6), size=(160, 120))

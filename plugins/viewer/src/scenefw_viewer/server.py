@@ -5,44 +5,16 @@ from __future__ import annotations
 import contextlib
 import functools
 import io
-import socket
 import sys
 from typing import TYPE_CHECKING, Any
 
-from scenefw.core.errors import ConfigError, MissingDependencyError
+from scenefw.core.errors import MissingDependencyError
+from scenefw.core.ports import in_use, require_free
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
 _LOCAL = ("127.0.0.1", "::1", "localhost")
-
-
-def require_free(host: str, port: int) -> int:
-    """The port, or a free one for 0.
-
-    Raises:
-        ConfigError: it is in use or no port, or the host is not of this machine.
-    """
-    if not 0 <= port <= 65535:
-        raise ConfigError(f"run.port = {port}: expected a number from 0 (any free one) to 65535")
-    try:
-        family, *_, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
-        with socket.socket(family, socket.SOCK_STREAM) as probe:
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            probe.bind(address)
-            return int(probe.getsockname()[1])
-    except socket.gaierror as error:
-        raise ConfigError(f"run.host = {host}: no such host; give run.host=127.0.0.1") from error
-    except PermissionError as error:
-        raise ConfigError(
-            f"port {port} is reserved for the system; give one above 1023, such as run.port=8080"
-        ) from error
-    except OSError as error:
-        if error.errno == socket.errno.EADDRINUSE:  # type: ignore[attr-defined]
-            raise _in_use(host, port) from error
-        raise ConfigError(
-            f"run.host = {host}: {error.strerror}; give an address of this machine"
-        ) from error
 
 
 def open_server(host: str, port: int) -> Any:
@@ -62,7 +34,7 @@ def open_server(host: str, port: int) -> Any:
         server = viser.ViserServer(host=host, port=port, label="scenefw", verbose=False)
     if server.get_port() != port:  # taken meanwhile: viser moves on to the next one
         close_server(server)
-        raise _in_use(host, port)
+        raise in_use(host, port)
     server.gui.configure_theme(show_logo=False, show_share_button=False)
     return server
 
@@ -118,9 +90,3 @@ def announce(host: str, port: int) -> None:
     name = f"[{host}]" if ":" in host else host
     address = "127.0.0.1" if host == "0.0.0.0" else name
     print(f"http://{address}:{port} shows it; Ctrl-C ends it", flush=True)
-
-
-def _in_use(host: str, port: int) -> ConfigError:
-    return ConfigError(
-        f"port {port} of {host} is in use; give another, such as run.port={min(port + 1, 65535)}"
-    )

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from scenefw.core.types import Pose
-from scenefw.report.labelling.map_surface import looks, reduced, surface
 from scenefw.report.palette import class_colours
+from scenefw_viewer.map_surface import looks, reduced, surface
 
 if TYPE_CHECKING:
     from scenefw.core.height_maps import HeightMap

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from scenefw.perception.physics.support_graph import SupportGraph
-    from scenefw.report.edits import Edits
+    from scenefw_viewer.edits import Edits
 
 _HEADER = (
     "<tr style='text-align:left;opacity:0.6'><td></td><td></td><td>size</td><td>volume</td>"

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from scenefw.core.errors import ConfigError
 from scenefw.data.files.height_maps import is_map, load_map
-from scenefw.report.labelling.map_viewer import MapViewer
-from scenefw.report.viewer_server import (
+from scenefw_viewer.map_viewer import MapViewer
+from scenefw_viewer.server import (
     announce,
     close_server,
     open_server,

@@ -13,15 +13,15 @@ from scenefw.data.files.camera_pose import camera_pose_of
 from scenefw.export.scene_files import GLB, Summary
 from scenefw.perception.estimate.base_frame import with_camera_in_base
 from scenefw.report.layers import Prediction
-from scenefw.report.viewer import Viewer
-from scenefw.report.viewer_server import (
+from scenefw.tasks.depth_images import DepthImages
+from scenefw_viewer.server import (
     announce,
     close_server,
     open_server,
     require_free,
     require_viser,
 )
-from scenefw.tasks.depth_images import DepthImages
+from scenefw_viewer.viewer import Viewer
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -9,7 +9,7 @@ from tests.unit.perception.synthetic import camera_at, frame_of
 
 from scenefw.core.errors import ConfigError, InputError, MissingDependencyError
 from scenefw.core.types import GridSpec
-from scenefw.tasks.view import View
+from scenefw_viewer.view import View
 
 CAMERA = camera_at(eye=(0.0, -0.85, 0.6), size=(160, 120))
 

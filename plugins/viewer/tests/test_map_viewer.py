@@ -6,9 +6,9 @@ import pytest
 import trimesh
 from tests.unit.tasks.recordings import frames, table
 
-from scenefw.report.labelling import map_viewer
-from scenefw.report.labelling.map_viewer import MapViewer
-from scenefw.report.viewer_server import open_server
+from scenefw_viewer import map_viewer
+from scenefw_viewer.map_viewer import MapViewer
+from scenefw_viewer.server import open_server
 
 pytest.importorskip("viser")
 

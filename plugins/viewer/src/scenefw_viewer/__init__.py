@@ -1,0 +1,1 @@
+"""Predictions and maps in the browser: a bundled plugin of scenefw."""
