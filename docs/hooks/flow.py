@@ -20,7 +20,7 @@ ROWS = [
         ("data", "Depth image", "run=doctor checks it"),
         ("step", "Floor", "z = 0, the cube"),
         ("data", "Partial TSDF", "seen, free, hidden"),
-        ("step", "Reconstructor", "network, votes, fits"),
+        ("step", "Reconstructor", "segments, fits, flow"),
         ("made", "SceneEstimate", "objects, hypotheses"),
     ]),
     ("Many views (labelling)", [
