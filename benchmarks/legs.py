@@ -15,7 +15,6 @@ from typing import Any
 from benchmarks.trainings import HERE, STATE, Ledger, Machine, Training
 from scenefw.core.errors import CheckpointError
 from scenefw.core.versions import versions
-from scenefw.learning.checkpoint import shipped_checkpoint
 from scenefw.learning.provenance import read_provenance
 from scenefw.learning.runtime.state import read_state
 
@@ -46,7 +45,7 @@ class Start:
 
 
 def start_of(training: Training, folder: Path) -> Start:
-    """The newest good state in a folder, else the newest weights that are committed or ship.
+    """The newest good state in a folder, else the newest committed weights, else nothing.
 
     A good state is kept as `previous.ckpt` while the leg replaces it; a damaged one is moved aside.
     """
@@ -70,8 +69,6 @@ def start_of(training: Training, folder: Path) -> Start:
         words = [f"learning.schedule.warmup={WARMUP}"] if earlier else []
         return Start(seen + earlier, steps, words, f"goes on from {seen + earlier} samples")
     weights = HERE / "weights" / f"{training.name}.safetensors"
-    if training.initial and not weights.exists():
-        weights = shipped_checkpoint(training.initial)
     if weights.exists():
         samples = _samples_of(read_provenance(weights).metadata)
         words = [f"learning.initial={weights}", f"learning.schedule.warmup={WARMUP}"]

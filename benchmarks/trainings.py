@@ -60,7 +60,6 @@ class Training:
         figure: validation figure that stands for it.
         core, gpu: how it runs there.
         may_change: facts in which its legs may differ.
-        initial: weights that ship, from which it starts if none of its own are committed.
         needs: files that must be there first, and the overrides that make each.
     """
 
@@ -73,7 +72,6 @@ class Training:
     core: Machine
     gpu: Machine
     may_change: Sequence[str] = ("batch_size",)
-    initial: str | None = None
     needs: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
     def words(self, machine: Machine) -> list[str]:
