@@ -3,5 +3,6 @@ from pathlib import Path
 
 sys.path.append(str(Path(__file__).parents[1] / "src"))
 from tests.conftest import scenefw, warm
+from tests.unit.report.conftest import page
 
-__all__ = ["scenefw", "warm"]
+__all__ = ["page", "scenefw", "warm"]
