@@ -37,6 +37,7 @@ _FITS = "evaluation=draws, which has the methods that are better"
 _ALONE = "nothing: there is no other, and its settings are typed as grid.extent=2 is"
 _FLOOR = "segmentation.floor_margin; the floor's noise adds three standard deviations"
 _GROUPED = "nothing: with the network that ships, pixels stay with their segments"
+_MERGED = "segmentation.merging.intercept, higher for fewer segments"
 _SMOOTHED = "nothing: images are smoothed by a pixel of one 640 wide"
 _SWITCHES = "the settings that it changed, as model.zero_share=0 (docs/training.md#sweeps)"
 DELETED: Mapping[str, str] = {
@@ -94,7 +95,17 @@ DELETED: Mapping[str, str] = {
     "dataset=stacks_and_scattered_v1": "dataset=stacks_v1 'dataset.path=[stacks_v1,scattered_v1]'",
     "segmentation.floor_sigmas": _FLOOR,
     "segmentation.waves": _FLOOR,
-    "segmentation.colours.smoothing": _SMOOTHED,
+    "segmentation.colours": _MERGED,
+    "segmentation.colours.neutral": _MERGED,
+    "segmentation.colours.reach": _MERGED,
+    "segmentation.colours.smoothing": _MERGED,
+    "segmentation.colours.weight": _MERGED,
+    "segmentation.min_affinity": _MERGED,
+    "segmentation.same": _MERGED,
+    "parts.same": _MERGED,
+    "segmentation.min_crease_affinity": _MERGED,
+    "segmentation.agreed": _MERGED,
+    "parts.agreed": _MERGED,
     "edges.colour.smoothing": _SMOOTHED,
     "grouping.reassign": _GROUPED,
     "grouping.min_divided": _GROUPED,
@@ -122,7 +133,6 @@ KEYS: Mapping[str, str] = {
     "checkpoints.scenes": "checkpoints.set_flow",
     "parts": "segmentation",
     "segmentation.sure": "segmentation.min_core_affinity",
-    "segmentation.same": "segmentation.min_affinity",
     "segmentation.seed": "segmentation.min_region",
     "segmentation.shown": "segmentation.min_object_probability",
     "segmentation.pixel": "segmentation.min_pixel_probability",
@@ -130,8 +140,9 @@ KEYS: Mapping[str, str] = {
     "segmentation.smallest": "segmentation.min_pixels",
     "segmentation.lowest": "segmentation.min_height",
     "segmentation.noisy": "segmentation.min_height_sigmas",
-    "segmentation.plain": "segmentation.crease_segmentation",
-    "segmentation.agreed": "segmentation.min_crease_affinity",
+    "segmentation.crease_segmentation": "segmentation.merging.creases",
+    "segmentation.plain": "segmentation.merging.creases",
+    "parts.plain": "segmentation.merging.creases",
     "segmentation.jump": "segmentation.max_step",
     "segmentation.crease": "segmentation.min_bend",
     "floor.threshold": "floor.inlier_distance",
@@ -154,7 +165,6 @@ KEYS: Mapping[str, str] = {
     "reconstructor.smallest": "completion.min_volume",
     "reconstructor.suppress": "completion.max_iou",
     "parts.seed": "segmentation.min_region",
-    "parts.same": "segmentation.min_affinity",
     "parts.sure": "segmentation.min_core_affinity",
     "parts.shown": "segmentation.min_object_probability",
     "parts.pixel": "segmentation.min_pixel_probability",
@@ -162,8 +172,6 @@ KEYS: Mapping[str, str] = {
     "parts.smallest": "segmentation.min_pixels",
     "parts.lowest": "segmentation.min_height",
     "parts.noisy": "segmentation.min_height_sigmas",
-    "parts.plain": "segmentation.crease_segmentation",
-    "parts.agreed": "segmentation.min_crease_affinity",
     "fit.inner": "fit.single",
     "run.pipeline.reconstructor": "reconstructor",
     "run.pipeline.samples": "reconstructor.samples",

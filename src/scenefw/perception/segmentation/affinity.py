@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,12 +14,8 @@ from scenefw.perception.observation.floor_noise import FLOOR_SIGMAS, ROUNDING
 from scenefw.perception.observation.pixel_probabilities import pixel_probabilities
 from scenefw.perception.observation.pixels import WIDTH
 from scenefw.perception.segmentation.crease_segmentation import high_parts
-from scenefw.perception.segmentation.regions import (
-    grown,
-    joined_within,
-    large_parts,
-    merged,
-)
+from scenefw.perception.segmentation.region_merging import RegionMerging
+from scenefw.perception.segmentation.regions import grown, large_parts
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -28,8 +24,9 @@ if TYPE_CHECKING:
     from scenefw.core.training_protocols import Trained
     from scenefw.core.types import Float32, Float64, Int32
     from scenefw.perception.observation.observation import Observation
-    from scenefw.perception.segmentation.border_colours import BorderColours
-    from scenefw.perception.steps import Segmentation
+
+
+_LIKELY = 0.5  # more probably the same object than not
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,13 +35,7 @@ class AffinitySegmentation:
 
     Pixels that surely show the same object are joined first, and others go to what is nearest along
     the surface, but not across a jump of depth; where none is sure, those are joined that likely
-    show the same. Of two such regions that meet, all pixels along the border are asked: they are
-    joined if the mean is high enough, the surest first. So a few likely pixels join no objects.
-    Where the image has colour, strong edges of colour along a border lower its mean, and weak ones
-    raise it.
-    What neither jumps of depth nor creases cut is joined from a lower mean on: on things unlike
-    those it learnt from, the network cuts too often. Colour doesn't count for this mean, as it can
-    add more than the limit. Where a camera blurs edges, jumps say nothing.
+    show the same. Which of these regions are one object, `merging` says.
     Images are thinned to about the focal length that the network learnt from. Parts that it takes
     for waves of the floor, or for what lies beyond a table's edge, are dropped, if it says which
     pixels show objects; so are single pixels, as of ramps of depth beside objects.
@@ -52,7 +43,6 @@ class AffinitySegmentation:
     Args:
         checkpoint: of a network of affinities.
         min_core_affinity: probability of the same object from which on pixels are joined first.
-        min_affinity: mean along a border from which on the regions beside it are joined.
         min_region: pixels (of the thinned image) of the smallest region.
         min_object_probability: parts whose pixels show an object less probably, on average, are
             dropped.
@@ -66,12 +56,7 @@ class AffinitySegmentation:
         min_height: parts that rise no higher above the floor (m) are noise of it.
         min_height_sigmas: so are parts that rise no higher than so many standard deviations of its
             heights at the same depth.
-        crease_segmentation: cuts the image without learning; None: nothing is joined for lying in
-            its parts.
-        min_crease_affinity: mean along a border, without what colour adds, above which regions are
-            joined that lie in one of its parts.
-        colours: what the colours along a border add to its mean, if the image has some; None: they
-            say nothing.
+        merging: which regions are joined.
 
     Raises:
         ConfigError: a probability outside 0..1, a negative height, or fewer than 1 pixel.
@@ -79,7 +64,6 @@ class AffinitySegmentation:
 
     checkpoint: Trained[PartAffinityModel]
     min_core_affinity: float = 0.95
-    min_affinity: float = 0.7
     min_region: int = 12
     min_object_probability: float = 0.6
     min_pixel_probability: float = 0.9
@@ -87,15 +71,10 @@ class AffinitySegmentation:
     min_pixels: float = 60.0
     min_height: float = 0.012
     min_height_sigmas: float = 7.0
-    crease_segmentation: Segmentation | None = None
-    min_crease_affinity: float = 0.35
-    colours: BorderColours | None = None
+    merging: RegionMerging = field(default_factory=RegionMerging)
 
     def __post_init__(self) -> None:
-        PROBABILITY.require(
-            min_core_affinity=self.min_core_affinity, min_affinity=self.min_affinity
-        )
-        PROBABILITY.require(min_crease_affinity=self.min_crease_affinity)
+        PROBABILITY.require(min_core_affinity=self.min_core_affinity)
         below(1).require(min_object_probability=self.min_object_probability)
         below(1).require(min_pixel_probability=self.min_pixel_probability)
         NOT_NEGATIVE.require(floor_margin=self.floor_margin, min_height=self.min_height)
@@ -123,16 +102,8 @@ class AffinitySegmentation:
                 odds = odds + (heights / np.maximum(noise, ROUNDING)) ** 2 / 2
             above &= odds > logit(self.min_pixel_probability)
         regions = self._regions(depth, across, down, above[::step, ::step])
-        affinities = across, down
-        if self.colours is not None and frame.colour is not None:
-            colour_terms = self.colours.added(regions, frame.colour, step)
-            affinities = across + colour_terms[0], down + colour_terms[1]
-        merged_regions = merged(regions, *affinities, self.min_affinity)
-        if self.crease_segmentation is not None and not smooth:
-            plain_parts = self.crease_segmentation.segment(view)[::step, ::step]
-            merged_regions = joined_within(
-                merged_regions, plain_parts, across, down, self.min_crease_affinity
-            )
+        creases = self.merging.creases.segment(view)[::step, ::step]
+        merged_regions = self.merging.merged(regions, across, down, creases)
         min_pixels = self.min_pixels * (frame.depth.shape[1] / WIDTH) ** 2
         parts = large_parts(merged_regions, max(1, round(min_pixels / step**2)))
         is_unlikely = (parts > 0) & (
@@ -151,7 +122,7 @@ class AffinitySegmentation:
         """Regions (H, W), 0 = none, of the thinned image, before neighbours are joined."""
         cores = linked_parts(above, across > self.min_core_affinity, down > self.min_core_affinity)
         regions = large_parts(cores, self.min_region)
-        components = linked_parts(above, across > self.min_affinity, down > self.min_affinity)
+        components = linked_parts(above, across > _LIKELY, down > _LIKELY)
         # slivers, of which no few pixels are sure
         is_sliver = ~np.isin(components, components[regions > 0])
         slivers = large_parts(np.where(is_sliver, components, 0), self.min_region)

@@ -6,66 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import connected_components, dijkstra
+from scipy.sparse.csgraph import dijkstra
 
 from scenefw.core.types import Float32, Float64, Frame, Int32
 from scenefw.perception.observation.components import EDGE, NEIGHBOURS, NOISE
 from scenefw.perception.observation.points import camera_points
-
-_MIN_BORDER = 3  # pixels of a border that say something
-
-
-def merged(regions: Int32, across: Float32, down: Float32, min_mean: float) -> NDArray[np.int64]:
-    """Regions (H, W) of which neighbours are joined, the pair with the highest mean border first.
-
-    Args:
-        regions: (H, W), 0 = none.
-        across: (H, W - 1) how surely a pixel and its right neighbour belong together.
-        down: (H - 1, W) the same for the one below.
-        min_mean: mean along the border of two regions from which on they are joined.
-    """
-    sums, borders = along_borders(regions, across, down)
-    owner = np.arange(len(sums))
-    while True:
-        means = np.divide(sums, borders, out=np.zeros_like(sums), where=borders > 0)
-        target, source = np.unravel_index(means.argmax(), means.shape)
-        if means[target, source] < min_mean or not borders[target, source]:
-            return owner[regions]
-        owner[owner == source] = target
-        for table in (sums, borders):
-            table[target] += table[source]
-            table[:, target] += table[:, source]
-            table[source] = table[:, source] = table[target, target] = 0
-
-
-def joined_within(
-    regions: NDArray[np.int64],
-    parts: Int32,
-    across: Float32,
-    down: Float32,
-    min_mean: float,
-    share: float = 0.8,
-) -> NDArray[np.int64]:
-    """Regions (H, W) of which neighbours are joined that lie in one part of another segmentation.
-
-    Args:
-        regions: (H, W), 0 = none.
-        parts: (H, W) of the other segmentation, 0 = none.
-        across: (H, W - 1) how surely a pixel and its right neighbour belong together.
-        down: (H - 1, W) the same for the one below.
-        min_mean: mean along the border of two regions above which they are joined.
-        share: of a region's pixels that a part must have for the region to lie in it.
-    """
-    sums, borders = along_borders(regions, across, down)
-    shared = np.zeros((len(sums), int(parts.max(initial=0)) + 1))
-    np.add.at(shared, (regions, parts), 1)
-    part = shared.argmax(axis=1)
-    within = (part > 0) & (shared.max(axis=1) >= share * shared.sum(axis=1))
-    pairs = within[:, None] & within & (part[:, None] == part)
-    pairs &= (borders >= _MIN_BORDER) & (sums > min_mean * borders)
-    groups = connected_components(csr_matrix(pairs), directed=False)[1]
-    _, first = np.unique(groups, return_index=True)
-    return np.asarray(first[groups][regions], dtype=np.int64)
 
 
 def hiding(parts: Int32, depth: Float32, share: float = 0.9) -> NDArray[np.bool_]:

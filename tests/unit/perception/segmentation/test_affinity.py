@@ -19,8 +19,8 @@ from scenefw.perception.observation.floor import FloorFinder
 from scenefw.perception.observation.observation import Observation
 from scenefw.perception.segmentation import affinity as affinity_parts
 from scenefw.perception.segmentation.affinity import AffinitySegmentation
-from scenefw.perception.segmentation.border_colours import BorderColours
 from scenefw.perception.segmentation.crease_segmentation import CreaseSegmentation
+from scenefw.perception.segmentation.region_merging import RegionMerging
 
 
 class Knowing(torch.nn.Module):
@@ -140,7 +140,7 @@ def test_a_few_likely_pixels_do_not_join_two_objects(seen):
         AffinitySegmentation(Loaded(network), min_pixels=20).segment(Observation(frame)).max() == 2
     )
     joined = (
-        AffinitySegmentation(Loaded(network), min_pixels=20, min_affinity=0.01)
+        AffinitySegmentation(Loaded(network), min_pixels=20, merging=RegionMerging(intercept=99.0))
         .segment(Observation(frame))
         .max()
     )
@@ -151,9 +151,7 @@ def test_a_few_likely_pixels_do_not_join_two_objects(seen):
     "wrong",
     [
         {"min_core_affinity": 1.0},
-        {"min_affinity": 0.0},
         {"min_region": 0},
-        {"min_crease_affinity": 1.0},
         {"min_object_probability": 1.0},
         {"min_pixel_probability": 1.0},
         {"floor_margin": -0.1},
@@ -275,61 +273,18 @@ def half_sure(thinned, logit=0.0):
 
 
 @pytest.mark.parametrize("thinned", [1, 2])
-def test_what_no_jump_and_no_crease_cuts_is_joined_from_a_lower_mean_on(thinned):
-    frame, _, network = half_sure(thinned)
+def test_what_no_jump_and_no_crease_cuts_counts_as_evidence(thinned):
+    frame, halves, network = half_sure(thinned, logit=-2.0)
 
-    def number(image=frame, **settings):
-        finder = AffinitySegmentation(Loaded(network), min_affinity=0.6, min_pixels=20, **settings)
+    def number(image=frame, **weights):
+        merging = RegionMerging(CreaseSegmentation(min_pixels=20), log_pixels=0.0, **weights)
+        finder = AffinitySegmentation(Loaded(network), min_pixels=20, merging=merging)
         return finder.segment(Observation(image)).max()
 
-    plain = CreaseSegmentation(min_pixels=20)
-    assert number() == 2
-    assert number(crease_segmentation=plain) == 1
-    assert number(crease_segmentation=plain, min_crease_affinity=0.55) == 2
-    field = gaussian_filter(np.random.default_rng(0).normal(size=frame.depth.shape), 4)
-    noise = 0.002 * field / field.std()
-    waving = replace(frame, depth=(frame.depth + noise).astype(np.float32))  # of a stereo camera
-    assert number(waving, crease_segmentation=plain) == number(waving)
-
-
-@pytest.mark.parametrize("thinned", [1, 2])
-def test_colour_decides_where_the_network_is_unsure(thinned):
-    frame, halves, network = half_sure(thinned)
-
-    def number(colours, *paints):
-        image = np.array(paints, np.uint8)[halves]
-        finder = AffinitySegmentation(
-            Loaded(network), min_affinity=0.6, min_pixels=20, colours=colours
-        )
-        return finder.segment(Observation(replace(frame, colour=image))).max()
-
-    floor, red, blue = (90, 90, 80), (200, 40, 40), (40, 60, 200)
-    assert number(BorderColours(neutral=1.0), floor, red, red) == 1
-    assert number(BorderColours(neutral=1.0), floor, red, blue) == 2
-    assert number(None, floor, red, red) == 2
-    grey = AffinitySegmentation(
-        Loaded(network), min_affinity=0.6, min_pixels=20, colours=BorderColours()
-    )
-    assert grey.segment(Observation(frame)).max() == 2
-
-
-def test_colour_joins_no_segment_of_creases_that_the_network_cuts():
-    """Two things of one colour without a crease between them, as books side by side."""
-    frame, halves, network = half_sure(1, logit=-1.4)  # one object with 20 %
-    image = np.array([(90, 90, 80), (200, 40, 40), (200, 40, 40)], np.uint8)[halves]
-    settings = {
-        "min_pixels": 20,
-        "crease_segmentation": CreaseSegmentation(min_pixels=20),
-        "colours": BorderColours(),  # adds 40 %
-    }
-
-    def number(**limits):
-        finder = AffinitySegmentation(Loaded(network), **settings, **limits)
-        return finder.segment(Observation(replace(frame, colour=image))).max()
-
-    assert number() == 2
-    assert number(min_affinity=0.55) == 1  # colour did add to the mean
-    assert number(min_crease_affinity=0.15) == 1  # and no crease is between them
+    assert number(intercept=1.0, same_part=0.0) == 2
+    assert number(intercept=1.0, same_part=1.5) == 1
+    lifted = np.where(halves == 2, frame.depth - 0.05, frame.depth)  # a jump
+    assert number(replace(frame, depth=lifted), intercept=1.0, same_part=1.5) == 2
 
 
 @pytest.mark.exhaustive

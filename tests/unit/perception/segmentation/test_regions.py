@@ -11,9 +11,7 @@ from scenefw.perception.segmentation.regions import (
     concave_creases,
     grown,
     hiding,
-    joined_within,
     large_parts,
-    merged,
 )
 
 
@@ -119,63 +117,6 @@ def test_nothing_grows_from_nothing():
     depth = np.ones((5, 6), np.float32)
     nothing = np.zeros((5, 6), np.int32)
     assert not grown(nothing, depth > 0, depth).any()
-
-
-def joined_one_by_one(regions, across, down, least):
-    """The same with means made anew from all borders after each pair."""
-    regions = regions.copy()
-    while True:
-        borders = {}
-        for v, u in np.ndindex(regions.shape):
-            for (y, x), values in (((v, u + 1), across), ((v + 1, u), down)):
-                if y < regions.shape[0] and x < regions.shape[1]:
-                    pair = tuple(sorted((int(regions[v, u]), int(regions[y, x]))))
-                    if pair[0] and pair[0] != pair[1]:
-                        borders.setdefault(pair, []).append(float(values[v, u]))
-        best = max(borders, key=lambda pair: np.mean(borders[pair]), default=None)
-        if best is None or np.mean(borders[best]) < least:
-            return regions
-        regions[regions == best[1]] = best[0]
-
-
-@pytest.mark.parametrize("shape", [(9, 12), (16, 7)])
-def test_regions_are_joined_in_the_order_of_their_borders(shape):
-    rng = np.random.default_rng(1)
-    regions = rng.integers(0, 8, (shape[0] // 3 + 1, shape[1] // 3 + 1)).repeat(3, 0).repeat(3, 1)
-    regions = regions[: shape[0], : shape[1]].astype(np.int32)
-    across, down = rng.random((shape[0], shape[1] - 1)), rng.random((shape[0] - 1, shape[1]))
-    found = merged(regions, across, down, 0.5)
-    wanted = joined_one_by_one(regions, across, down, 0.5)
-    pairs = np.unique(np.stack([found.ravel(), wanted.ravel()]), axis=1)
-    assert pairs.shape[1] == len(np.unique(wanted)) == len(np.unique(found))
-    assert len(np.unique(wanted)) < len(np.unique(regions))
-    np.testing.assert_array_equal(merged(regions, across, down, 1.1), regions)
-
-
-def test_regions_within_one_part_are_joined_from_a_lower_mean_on():
-    """Three strips, of which two lie in one part; borders with means of 0.5 and 0.4."""
-    regions = np.repeat([[1, 1, 2, 2, 4, 4, 0]], 5, axis=0)
-    parts = np.repeat([[1, 1, 1, 1, 2, 2, 2]], 5, axis=0).astype(np.int32)
-    across = np.repeat([[1.0, 0.5, 1.0, 0.4, 1.0, 0.9]], 5, axis=0).astype(np.float32)
-    down = np.ones((4, 7), np.float32)
-    found = joined_within(regions, parts, across, down, 0.45)
-    np.testing.assert_array_equal(found[0], [1, 1, 1, 1, 4, 4, 0])
-    np.testing.assert_array_equal(joined_within(regions, parts, across, down, 0.5), regions)
-    everything = np.ones_like(parts)
-    found = joined_within(regions, everything, across, down, 0.3)
-    np.testing.assert_array_equal(found[0], [1, 1, 1, 1, 1, 1, 0])
-    np.testing.assert_array_equal(joined_within(regions, 0 * parts, across, down, 0.3), regions)
-
-
-def test_regions_that_only_reach_into_a_part_are_not_joined():
-    regions = np.repeat([[1, 1, 2, 2]], 5, axis=0)
-    parts = np.repeat([[1, 1, 1, 3]], 5, axis=0).astype(np.int32)
-    across, down = np.full((5, 3), 0.5, np.float32), np.ones((4, 4), np.float32)
-    np.testing.assert_array_equal(joined_within(regions, parts, across, down, 0.1), regions)
-    assert (joined_within(regions, parts, across, down, 0.1, share=0.5) == 1).all()
-    short = slice(0, 2)  # two pixels of a border say nothing
-    found = joined_within(regions[short], 0 * parts[short] + 1, across[short], down[:1], 0.1)
-    np.testing.assert_array_equal(found, regions[short])
 
 
 def test_small_components_become_background():
