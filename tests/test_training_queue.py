@@ -242,7 +242,8 @@ def test_all_trainings_of_the_ledger_go_through_the_script_of_gpus_on_a_cpu(tmp_
     found = Ledger(tmp_path / "here" / "trainings.yaml")
     assert {leg["training"] for leg in found.legs} == set(entries)
     for leg in found.legs:
-        assert leg["samples"] == [0, 4]
+        began, ended = leg["samples"]  # from committed weights, where a training has some
+        assert ended - began == 4
         assert leg["validation"]
         assert (tmp_path / "here" / "states" / leg["training"] / STATE).exists()
 
