@@ -93,10 +93,10 @@ def _renamed(override: Override, views: bool) -> str | None:
     """Says what a setting is called now, if it had another name before."""
     typed = str(override.input_line).lstrip("+~")
     key, _, value = typed.partition("=")
-    instead = instead_of(key, value)
+    new = new_name(key, value, views=views)
+    instead = instead_of(new or key, value)  # what was renamed may be gone by now
     if instead is not None:
         return f"{typed} was deleted; give {instead}"
-    new = new_name(key, value, views=views)
     if new is None:
         return None
     advice = new if "=" in new or not value else f"{new}={value}"

@@ -33,6 +33,7 @@ OPTIONS: Mapping[str, str] = {
 """What was typed, and what is typed now."""
 
 _BEST = "reconstructor=set_extents, which is better"
+_COLOURS = "nothing: the network sees the colours, and their edges said no more"
 _FITS = "evaluation=draws, which has the methods that are better"
 _ALONE = "nothing: there is no other, and its settings are typed as grid.extent=2 is"
 _FLOOR = "segmentation.floor_margin; the floor's noise adds three standard deviations"
@@ -95,11 +96,11 @@ DELETED: Mapping[str, str] = {
     "dataset=stacks_and_scattered_v1": "dataset=stacks_v1 'dataset.path=[stacks_v1,scattered_v1]'",
     "segmentation.floor_sigmas": _FLOOR,
     "segmentation.waves": _FLOOR,
-    "segmentation.colours": _MERGED,
-    "segmentation.colours.neutral": _MERGED,
-    "segmentation.colours.reach": _MERGED,
-    "segmentation.colours.smoothing": _MERGED,
-    "segmentation.colours.weight": _MERGED,
+    "segmentation.colours": _COLOURS,
+    "segmentation.colours.neutral": _COLOURS,
+    "segmentation.colours.reach": _COLOURS,
+    "segmentation.colours.smoothing": _COLOURS,
+    "segmentation.colours.weight": _COLOURS,
     "segmentation.min_affinity": _MERGED,
     "segmentation.same": _MERGED,
     "segmentation.min_crease_affinity": _MERGED,
@@ -141,8 +142,6 @@ KEYS: Mapping[str, str] = {
     "segmentation.crease_segmentation": "segmentation.merging.creases",
     "segmentation.plain": "segmentation.merging.creases",
     "parts.plain": "segmentation.merging.creases",
-    "parts.same": "segmentation.merging.intercept",
-    "parts.agreed": "segmentation.merging.intercept",
     "segmentation.jump": "segmentation.max_step",
     "segmentation.crease": "segmentation.min_bend",
     "floor.threshold": "floor.inlier_distance",

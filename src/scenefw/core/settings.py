@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -38,6 +39,7 @@ class Range:
                 raise SettingError(name, value, self.expected)
 
 
+FINITE = Range("a finite number", math.isfinite)
 POSITIVE = Range("more than 0", lambda value: value > 0)
 NOT_NEGATIVE = Range("0 or more", lambda value: value >= 0)
 COUNT = Range("1 or more", lambda value: value >= 1)

@@ -56,7 +56,7 @@ class AffinitySegmentation:
         min_height: parts that rise no higher above the floor (m) are noise of it.
         min_height_sigmas: so are parts that rise no higher than so many standard deviations of its
             heights at the same depth.
-        merging: which regions are joined.
+        merging: which regions are joined; None: none.
 
     Raises:
         ConfigError: a probability outside 0..1, a negative height, or fewer than 1 pixel.
@@ -71,7 +71,7 @@ class AffinitySegmentation:
     min_pixels: float = 60.0
     min_height: float = 0.012
     min_height_sigmas: float = 7.0
-    merging: RegionMerging = field(default_factory=RegionMerging)
+    merging: RegionMerging | None = field(default_factory=RegionMerging)
 
     def __post_init__(self) -> None:
         PROBABILITY.require(min_core_affinity=self.min_core_affinity)
@@ -102,8 +102,10 @@ class AffinitySegmentation:
                 odds = odds + (heights / np.maximum(noise, ROUNDING)) ** 2 / 2
             above &= odds > logit(self.min_pixel_probability)
         regions = self._regions(depth, across, down, above[::step, ::step])
-        creases = self.merging.creases.segment(view)[::step, ::step]
-        merged_regions = self.merging.merged(regions, across, down, creases)
+        merged_regions = regions.astype(np.int64)
+        if self.merging is not None:
+            creases = self.merging.creases.segment(view)[::step, ::step]
+            merged_regions = self.merging.merged(regions, across, down, creases)
         min_pixels = self.min_pixels * (frame.depth.shape[1] / WIDTH) ** 2
         parts = large_parts(merged_regions, max(1, round(min_pixels / step**2)))
         is_unlikely = (parts > 0) & (

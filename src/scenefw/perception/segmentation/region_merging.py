@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.special import logit
 
+from scenefw.core.errors import ConfigError
+from scenefw.core.settings import FINITE
 from scenefw.perception.segmentation.crease_segmentation import CreaseSegmentation
 from scenefw.perception.segmentation.regions import along_borders
 
@@ -34,6 +36,9 @@ class RegionMerging:
         affinity: by each of the mean along the border.
         same_part: if most pixels of both lie in one part of `creases`.
         log_pixels: by each factor e of the smaller region's pixels (of the thinned image).
+
+    Raises:
+        ConfigError: a number that isn't finite, or no `creases`.
     """
 
     creases: CreaseSegmentation = field(default_factory=CreaseSegmentation)
@@ -41,6 +46,14 @@ class RegionMerging:
     affinity: float = 0.83
     same_part: float = 1.26
     log_pixels: float = -0.71
+
+    def __post_init__(self) -> None:
+        FINITE.require(intercept=self.intercept, affinity=self.affinity)
+        FINITE.require(same_part=self.same_part, log_pixels=self.log_pixels)
+        if self.creases is None:
+            raise ConfigError(
+                "creases is null; segmentation.merging.same_part=0 leaves out what they say"
+            )
 
     def merged(
         self, regions: Int32, across: Float32, down: Float32, parts: Int32

@@ -281,6 +281,8 @@ def test_what_no_jump_and_no_crease_cuts_counts_as_evidence(thinned):
         finder = AffinitySegmentation(Loaded(network), min_pixels=20, merging=merging)
         return finder.segment(Observation(image)).max()
 
+    unmerged = AffinitySegmentation(Loaded(network), min_pixels=20, merging=None)
+    assert unmerged.segment(Observation(frame)).max() == 2
     assert number(intercept=1.0, same_part=0.0) == 2
     assert number(intercept=1.0, same_part=1.5) == 1
     lifted = np.where(halves == 2, frame.depth - 0.05, frame.depth)  # a jump

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import expit, logit
 
+from scenefw.core.errors import ConfigError
 from scenefw.perception.segmentation.region_merging import RegionMerging
 
 
@@ -79,3 +80,11 @@ def test_an_image_without_regions_stays_so():
     nothing = np.zeros((5, 6), np.int32)
     across, down = np.ones((5, 5), np.float32), np.ones((4, 6), np.float32)
     assert not RegionMerging().merged(nothing, across, down, nothing).any()
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"creases": None}, {"intercept": np.nan}, {"same_part": np.inf}, {"affinity": np.nan}]
+)
+def test_bad_settings(wrong):
+    with pytest.raises(ConfigError, match=f"^{next(iter(wrong))} "):
+        RegionMerging(**wrong)
