@@ -181,7 +181,10 @@ def test_an_evaluation_is_shown_by_a_figure_of_its_own(scenefw, mine):
     assert "of all scenes" in page
 
 
-@pytest.mark.parametrize("chosen", ["segmentation=blobs", "postprocessing=largest"])
+EXTRACTOR = "postprocessing@reconstructor.completion.extractor"
+
+
+@pytest.mark.parametrize("chosen", ["segmentation=blobs", f"{EXTRACTOR}=largest"])
 def test_a_scene_is_taken_apart_and_written_by_a_plugin(scenefw, mine, real_data, chosen):
     image = real_data / "real" / "realsense_table" / "uois_1.npz"
     method = "set_extents" if chosen.startswith("segmentation") else "network"

@@ -32,10 +32,12 @@ OPTIONS: Mapping[str, str] = {
 }
 """What was typed, and what is typed now."""
 
+_EXTRACTOR = "reconstructor.completion.extractor"
 _BEST = "reconstructor=set_extents, which is better"
 _COLOURS = "nothing: the network sees the colours, and their edges said no more"
 _FITS = "evaluation=draws, which has the methods that are better"
 _ALONE = "nothing: there is no other, and its settings are typed as grid.extent=2 is"
+_FIXED = "nothing: other values were no better"
 _FLOOR = "segmentation.floor_margin; the floor's noise adds three standard deviations"
 _GROUPED = "nothing: with the network that ships, pixels stay with their segments"
 _MERGED = "segmentation.merging.intercept, higher for fewer segments"
@@ -123,10 +125,30 @@ DELETED: Mapping[str, str] = {
     "ablation=wide": "size.network=wide",
     "ablation=with_scattered": "'dataset.path=[stacks_v2,scattered_v2]'",
     "ablation": _SWITCHES,
+    "postprocessing": f"postprocessing@{_EXTRACTOR}=..., of a network of volumes",
+    "fit.outliers": _FIXED,
+    "fit.single.outliers": _FIXED,
+    "fit.resolution": _FIXED,
+    "grouping.split.min_ratio": "grouping.split.min_pixels",
+    "reconstructor.least": _FIXED,
+    "reconstructor.fit.min_points": _FIXED,
+    "hollow.min_inside_ratio": "hollow.min_gain",
+    "hollow.max_free_ratio": "tolerances.max_free_ratio, of other shapes",
+    "edges.min_step": _FIXED,
+    "edges.colour.core_ratio": _FIXED,
+    "obstacles.min_enclosed_ratio": "obstacles.max_size, over which rims are looked at",
 }
 """What is gone, and what does the same or better."""
 
 KEYS: Mapping[str, str] = {
+    **{
+        f"postprocessing.{name}": f"{_EXTRACTOR}.{name}"
+        for name in ("threshold", "subdivisions", "gamma", "bandwidth", "merging", "smallest")
+    },
+    "grouping.merge.fits.evidence": "evidence",
+    "reconstructor.fit.evidence": "evidence",
+    "evidence.visible_points": "evidence.surface_points",
+    "evidence.hidden_points": "evidence.surface_points",
     "checkpoints.sets": "checkpoints.set_extents",
     "checkpoints.parts": "checkpoints.part_affinity",
     "checkpoints.scenes": "checkpoints.set_flow",
@@ -198,7 +220,6 @@ KEYS: Mapping[str, str] = {
     "reconstructor.calibration": "reconstructor.assembly.calibration",
     "reconstructor.near": "tolerances.inlier_distance",
     "reconstructor.explained": "tolerances.min_inlier_ratio",
-    "reconstructor.least": "reconstructor.fit.min_points",
     "reconstructor.lowest": "tolerances.min_height",
     "evaluation.methods.scenefw": "evaluation.methods.set_network",
     "evaluation.parts.of_six.methods.scenefw": "evaluation.parts.of_six.methods.set_network",

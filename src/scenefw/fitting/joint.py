@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from scenefw.core.settings import COUNT, POSITIVE, between
-from scenefw.fitting.placed import in_frame_of, shape_of
+from scenefw.core.settings import COUNT, POSITIVE
+from scenefw.fitting.placed import in_frame_of, shape_of, shells_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from scenefw.fitting.superquadrics import Sizes, SuperquadricFit
 
 _GROWTH = 0.03  # m, of half-axes in one round
-_SHELLS = (0.95, 0.7, 0.4)  # of sizes: objects that coincide have no surface inside each other
-_EDGE = between(1, 64)  # points along it: more of all objects fill the memory
 
 
 class JointFit:
@@ -33,7 +31,6 @@ class JointFit:
     Args:
         single: fits objects one by one.
         rounds: how often all are fitted again.
-        resolution: of the others, in points along an edge of the cube about each.
         sigma: how deep a point of another may lie inside (m). It is large, so that
             this never outweighs what is seen of an object.
 
@@ -41,13 +38,10 @@ class JointFit:
         ConfigError: a number below one, or a deviation that isn't positive.
     """
 
-    def __init__(
-        self, single: SuperquadricFit, rounds: int = 2, resolution: int = 6, sigma: float = 0.02
-    ) -> None:
+    def __init__(self, single: SuperquadricFit, rounds: int = 2, sigma: float = 0.02) -> None:
         COUNT.require(rounds=rounds)
-        _EDGE.require(resolution=resolution)
         POSITIVE.require(sigma=sigma)
-        self.single, self.rounds, self.resolution, self.sigma = single, rounds, resolution, sigma
+        self.single, self.rounds, self.sigma = single, rounds, sigma
 
     def fit(self, evidence: Sequence[Evidence]) -> list[FittedSuperquadric]:
         """The best superquadric for each, as if there were no others."""
@@ -105,7 +99,7 @@ class JointFit:
     ) -> list[FittedSuperquadric]:
         """Fitted again until none penetrates another, or rounds are over."""
         for number in range(1, self.rounds + 1):
-            shells = [self._shells(superquadric) for superquadric in fitted]
+            shells = [shells_of(superquadric) for superquadric in fitted]
             if not _overlap(fitted, _place_shells(fitted, shells, 1.0)):
                 break
             places = _place_shells(fitted, shells, number / self.rounds)
@@ -120,11 +114,6 @@ class JointFit:
         sigmas = np.concatenate([evidence.outside_sigmas, np.full(len(points), self.sigma)])
         outside = np.concatenate([evidence.outside, points])
         return replace(evidence, outside=outside, outside_sigmas=sigmas)
-
-    def _shells(self, fitted: FittedSuperquadric) -> Float64:
-        """Points of the surface and of smaller copies of it, in the object's frame."""
-        surface = shape_of(fitted).mesh(self.resolution).vertices
-        return np.concatenate([share * surface for share in _SHELLS])
 
 
 def _place_shells(

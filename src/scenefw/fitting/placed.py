@@ -15,6 +15,15 @@ if TYPE_CHECKING:
     from scenefw.core.types import Float64
 
 
+EDGE_POINTS = 6
+"""Along each edge of the cube whose mesh says where a superquadric is."""
+
+MIN_HALF_AXIS = 0.004
+"""m: of what a depth camera shows."""
+
+SHELLS = (0.95, 0.7, 0.4)
+"""Sizes of copies of a surface, by its own, that say what lies within; objects may touch."""
+
 OUTLIERS = 3.0
 """Standard deviations from which on a point counts less and less."""
 
@@ -22,6 +31,12 @@ OUTLIERS = 3.0
 def shape_of(fitted: FittedSuperquadric) -> Superquadric:
     """Its shape, in its own frame."""
     return Superquadric(fitted.half_axes, fitted.exponents)
+
+
+def shells_of(fitted: FittedSuperquadric) -> Float64:
+    """Points (P, 3) near its surface and inside of it, in its own frame (m)."""
+    surface = shape_of(fitted).mesh(EDGE_POINTS).vertices
+    return np.concatenate([share * surface for share in SHELLS])
 
 
 def in_frame_of(fitted: FittedSuperquadric, points: Float64) -> Float64:

@@ -13,6 +13,7 @@ from scenefw.core.errors import SettingError
 from scenefw.core.evidence import FittedSuperquadric
 from scenefw.core.settings import COUNT, NOT_NEGATIVE, POSITIVE
 from scenefw.core.types import Pose
+from scenefw.fitting.placed import OUTLIERS
 from scenefw.fitting.starts import box_starts
 from scenefw.kernels.superquadric_fit import COST, DAMPING, STATE, TYPICAL, WORK, advance
 from scenefw.shapes.superquadric import Superquadric
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from scenefw.core.evidence import Evidence
     from scenefw.core.types import Float64
 
-_OUTLIER_FACTORS = (16, 4)  # times `outliers`, so that a poor start is not all outliers
+_OUTLIER_FACTORS = (16, 4)  # times `OUTLIERS`, so that a poor start is not all outliers
 _FIRST_DAMPING = 1e-2
 _FIRST_EXPONENT = 4.0
 
@@ -54,9 +55,8 @@ class SuperquadricFit:
         exponents: least and greatest.
         half_axes: least and greatest (m).
         steps: of the method from the best starts.
-        outliers: residuals, in standard deviations, from which on points count less and less. It
-            begins 16 times as large, then 4 times.
-        rounds: steps with each of these; then the worse two thirds of the starts are given up.
+        rounds: steps with wider limits of outliers, 16 and 4 times `OUTLIERS`; then the worse two
+            thirds of the starts are given up.
         typical: half-axis (m) that is taken where the points say nothing.
         stiffness: how much an e times longer or shorter one costs, in squared deviations.
         spread: standard deviation of the logarithms of half-axes that `draws` expects.
@@ -71,7 +71,6 @@ class SuperquadricFit:
         exponents: tuple[float, float] = (1.6, 100.0),
         half_axes: tuple[float, float] = (0.008, 0.5),
         steps: int = 40,
-        outliers: float = 3.0,
         rounds: int = 16,
         typical: float = 0.06,
         stiffness: float = 0.3,
@@ -83,11 +82,11 @@ class SuperquadricFit:
                 raise SettingError(name, (low, high), "two numbers above 0, the smaller first")
         if exponents[0] < 1:
             raise SettingError("exponents", exponents, "1 or more (below 1: not convex)")
-        POSITIVE.require(outliers=outliers, typical=typical, spread=spread)
+        POSITIVE.require(typical=typical, spread=spread)
         COUNT.require(steps=steps, rounds=rounds)
         NOT_NEGATIVE.require(stiffness=stiffness)
         self.exponents, self.half_axes = exponents, half_axes
-        self.steps, self.outliers, self.rounds = steps, outliers, rounds
+        self.steps, self.rounds = steps, rounds
         self.typical, self.stiffness, self.spread = typical, stiffness, spread
         self.device = torch.device(device)
 
@@ -171,10 +170,10 @@ class SuperquadricFit:
     ) -> list[FittedSuperquadric]:
         problem = _Problem.of(evidence, starts, self.device)
         for factor in outlier_factors:
-            self._advance(problem, self.rounds, factor * self.outliers, stiffness)
+            self._advance(problem, self.rounds, factor * OUTLIERS, stiffness)
         if outlier_factors:
             problem = problem.promising()
-        self._advance(problem, self.steps, self.outliers, stiffness)
+        self._advance(problem, self.steps, OUTLIERS, stiffness)
         states = problem.states.cpu().numpy()
         owners = problem.owners.cpu().numpy()
         best = [

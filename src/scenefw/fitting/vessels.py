@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import least_squares
 
+from scenefw.core.geometry import rigid
 from scenefw.core.settings import COUNT, POSITIVE, between
 from scenefw.core.types import Pose
 from scenefw.shapes.vessel import Vessel
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 
 MESH_SECTIONS = 24
 """Of the surface of a vessel that is looked up in volumes."""
-_UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 _STARTS = ((0.9, 1.0), (0.5, 0.5), (0.6, 1.0))  # base and curve
 _MIN_PROFILE, _MAX_PROFILE = (0.25, 0.25), (1.15, 2.0)  # base and curve
 _WALL_RANGE = (0.0015, 0.015)  # m, thickness
@@ -138,7 +138,7 @@ def _fitted_vessel(numbers: Float64, points: Float64, eye: Float64, bottom: floa
     vessel = _vessel(numbers)
     place = np.array([numbers[0], numbers[1], bottom - vessel.bottom])
     distances, inside = _distances(numbers, points, eye, bottom)
-    return FittedVessel(vessel, Pose(place, _UPRIGHT), distances, inside)
+    return FittedVessel(vessel, Pose.from_matrix(rigid(np.eye(3), place)), distances, inside)
 
 
 def _circle(points: Float64) -> tuple[float, float, float]:

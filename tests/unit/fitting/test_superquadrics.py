@@ -208,7 +208,6 @@ def test_cost_and_slope_of_the_kernel(seed):
         {"exponents": (0.5, 10)},
         {"half_axes": (0.2, 0.1)},
         {"steps": 0},
-        {"outliers": 0},
         {"typical": -1},
     ],
 )

@@ -2,6 +2,4 @@
 
 from scenefw.perception.observation.geometric_obstacles import GeometricObstacles
 
-OBSTACLES = GeometricObstacles(
-    max_size=0.45, max_height=0.4, wall_distance=0.015, min_enclosed_ratio=0.5, min_pixels=60
-)
+OBSTACLES = GeometricObstacles(max_size=0.45, max_height=0.4, wall_distance=0.015, min_pixels=60)

@@ -44,7 +44,7 @@ def views_fit(segmentation, grouping, joint=None, *, grid=None, fit=None):
 
 def fitted_parts(overlap=None, grid=None):
     """Superquadrics fitted to segments between creases of all views."""
-    fits = SegmentFits(SuperquadricFit(), EvidenceGathering(hidden_points=1))
+    fits = SegmentFits(SuperquadricFit(), EvidenceGathering())
     merge, reassign = FitMerging(fits), ResidualReassignment(fits)
     grouping = ObjectGrouping(HullFilling(), None, merge)
     joint = ViewsGrouping(merge, reassign, overlap)

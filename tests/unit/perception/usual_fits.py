@@ -17,6 +17,6 @@ TOLERANCES = Tolerances(
 )
 
 
-def object_fit(min_points=20, min_height=0.015):
+def object_fit(min_height=0.015):
     """Superquadrics of single objects."""
-    return ObjectFit(SuperquadricFit(), EvidenceGathering(), min_points, min_height)
+    return ObjectFit(SuperquadricFit(), EvidenceGathering(), min_height)

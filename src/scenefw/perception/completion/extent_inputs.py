@@ -17,7 +17,7 @@ from scenefw.core.types import Pose
 from scenefw.data.batches.object_ends import object_ends
 from scenefw.data.batches.view_frames import in_frame, view_frame
 from scenefw.data.batches.view_samples import ObjectSamples
-from scenefw.fitting.placed import signed_distance
+from scenefw.fitting.placed import MIN_HALF_AXIS, signed_distance
 from scenefw.shapes.equal_descriptions import equal_descriptions
 
 if TYPE_CHECKING:
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 
 _DEFAULT_SAMPLES = ObjectSamples()
 _INLIER_DISTANCE = 0.006  # m: points further from the fit belong to something else
-_MIN_HALF_AXIS = 0.004  # m
 
 
 class ExtentInputs:
@@ -165,7 +164,7 @@ class WorldSets:
         )
         low, high = np.median(centres - halves, axis=0), np.median(centres + halves, axis=0)
         pose = Pose(axes @ (low + high) / 2, fitted.pose.quaternion)
-        half_axes = np.maximum((high - low) / 2, _MIN_HALF_AXIS)
+        half_axes = np.maximum((high - low) / 2, MIN_HALF_AXIS)
         return FittedSuperquadric(half_axes, np.median(exponents, axis=0), pose, 0.0, np.empty(0))
 
 

@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from scenefw.core.types import Pose
-from scenefw.fitting.placed import in_frame_of, shape_of
+from scenefw.fitting.placed import EDGE_POINTS, MIN_HALF_AXIS, in_frame_of, shape_of
+from scenefw.perception.observation.components import TOUCH
 from scenefw.perception.observation.free_space import free_ratio
+from scenefw.perception.observation.points import MIN_PARALLEL_COSINE, MINORITY
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -19,13 +21,8 @@ if TYPE_CHECKING:
     from scenefw.core.evidence import FittedSuperquadric
     from scenefw.core.types import Float64, GridSpec
 
-_MAX_SUPPORT_GAP = 0.01  # m: what is no higher above something stands on it
-_MIN_UPRIGHT_COSINE = 0.95  # between an axis and the vertical: from there on that axis grows
 _FOOTPRINT_RATIO = 0.8  # share of the footprint that is looked below
-_SIDE_POINTS = 5  # places along each of its sides
 _STEP = 0.005  # m, downwards
-_MIN_HALF_AXIS = 0.004  # m
-_MAX_FREE_RATIO = 0.1  # share of what is added that may lie where the view sees through
 
 
 def extend_to_support(
@@ -60,12 +57,12 @@ def _extend_down(
     vertical = superquadric.pose.rotation[2]
     axis = int(np.abs(vertical).argmax())
     bottom = float(
-        (shape_of(superquadric).mesh(_SIDE_POINTS).vertices @ vertical).min()
+        (shape_of(superquadric).mesh(EDGE_POINTS).vertices @ vertical).min()
         + superquadric.pose.position[2]
     )
-    if abs(vertical[axis]) < _MIN_UPRIGHT_COSINE:
+    if abs(vertical[axis]) < MIN_PARALLEL_COSINE:
         return superquadric
-    if bottom <= _MAX_SUPPORT_GAP:
+    if bottom <= TOUCH:
         return _lengthen(superquadric, axis, min(bottom, 0.0))
     heights = np.arange(bottom - _STEP, 0, -_STEP)
     footprint = _footprint(superquadric, axis)[None]
@@ -76,7 +73,7 @@ def _extend_down(
         support_mask |= inside.any(axis=1)
     support_index = int(support_mask.argmax()) if support_mask.any() else len(heights)
     gap = bottom - (heights[support_index] if support_mask.any() else 0.0)
-    if gap <= _MAX_SUPPORT_GAP or free_ratio(probes[:support_index], free, grid) > _MAX_FREE_RATIO:
+    if gap <= TOUCH or free_ratio(probes[:support_index], free, grid) > MINORITY:
         return superquadric
     return _lengthen(superquadric, axis, gap)
 
@@ -85,7 +82,7 @@ def _lengthen(superquadric: FittedSuperquadric, axis: int, length: float) -> Fit
     """An object whose lower end lies so much further down (m), if something of it is left."""
     half_axes = superquadric.half_axes.copy()
     half_axes[axis] += length / 2
-    if length == 0 or half_axes[axis] < _MIN_HALF_AXIS:
+    if length == 0 or half_axes[axis] < MIN_HALF_AXIS:
         return superquadric
     direction = -np.sign(superquadric.pose.rotation[2, axis]) * superquadric.pose.rotation[:, axis]
     pose = Pose(superquadric.pose.position + direction * length / 2, superquadric.pose.quaternion)
@@ -94,8 +91,8 @@ def _lengthen(superquadric: FittedSuperquadric, axis: int, length: float) -> Fit
 
 def _footprint(superquadric: FittedSuperquadric, axis: int) -> Float64:
     """Places (P, 3) of the world at the height of its centre, over most of its width."""
-    places = np.linspace(-_FOOTPRINT_RATIO, _FOOTPRINT_RATIO, _SIDE_POINTS)
-    local = np.zeros((_SIDE_POINTS**2, 3))
+    places = np.linspace(-_FOOTPRINT_RATIO, _FOOTPRINT_RATIO, EDGE_POINTS)
+    local = np.zeros((EDGE_POINTS**2, 3))
     first, second = (k for k in range(3) if k != axis)
     local[:, first], local[:, second] = (
         one_side.ravel() for one_side in np.meshgrid(places, places)

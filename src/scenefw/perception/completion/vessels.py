@@ -13,7 +13,7 @@ from scenefw.core.settings import NOT_NEGATIVE, SHARE, at_least
 from scenefw.fitting.placed import signed_distance
 from scenefw.fitting.vessels import MESH_SECTIONS
 from scenefw.perception.observation.pixels import WIDTH
-from scenefw.perception.observation.points import MAJORITY
+from scenefw.perception.observation.points import MAJORITY, MINORITY, STRAYS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 
 _PROBE_DISTANCE = 0.02  # m, from a seen point towards the camera
 _MAX_PROBE_DEPTH = 0.004  # m: a probe that is deeper lies in the solid
-_MIN_GRID_RATIO = 0.98  # share of a vessel that must lie in the grid
 
 
 class FitsVessels(Protocol):
@@ -57,11 +56,9 @@ class Vessels:
         points: of an object, at most.
         edge_pixels: pixels (of an image 640 wide) at the ends of an object that don't count.
         min_gain: by how much more than a superquadric.
-        min_inside_ratio: share of the points that must lie on its inside.
         min_depth: by how much these lie below its rim (m).
         min_width_ratio: share of its diameter over which points must lie.
         min_height: height that it must have (m).
-        max_free_ratio: share of its surface that may lie where the view sees through.
         min_points: points that an object must have.
 
     Raises:
@@ -75,18 +72,14 @@ class Vessels:
         points: int = 300,
         edge_pixels: int = 2,
         min_gain: float = 0.05,
-        min_inside_ratio: float = 0.1,
         min_depth: float = 0.008,
         min_width_ratio: float = 0.75,
         min_height: float = 0.015,
-        max_free_ratio: float = 0.15,
         min_points: int = 100,
     ) -> None:
         SHARE.require(
             min_gain=min_gain,
-            min_inside_ratio=min_inside_ratio,
             min_width_ratio=min_width_ratio,
-            max_free_ratio=max_free_ratio,
         )
         at_least(10).require(points=points, min_points=min_points)
         NOT_NEGATIVE.require(edge_pixels=edge_pixels, min_depth=min_depth, min_height=min_height)
@@ -97,12 +90,7 @@ class Vessels:
             edge_pixels,
         )
         self.min_gain = min_gain
-        self.min_inside_ratio, self.min_depth, self.max_free_ratio, self.min_points = (
-            min_inside_ratio,
-            min_depth,
-            max_free_ratio,
-            min_points,
-        )
+        self.min_depth, self.min_points = min_depth, min_points
         self.min_width_ratio, self.min_height = min_width_ratio, min_height
 
     def replace(self, sets: Sequence[ObjectSet], view: View) -> list[ObjectSet]:
@@ -235,21 +223,16 @@ class Vessels:
         interior = vessel.inside & (points[:, 2] < rim - self.min_depth)
         visible_width = np.ptp(points[:, :2], axis=0).max()
         narrow = visible_width < self.min_width_ratio * 2 * vessel.shape.radius
-        if (
-            interior.mean() < self.min_inside_ratio
-            or narrow
-            or vessel.shape.height < self.min_height
-        ):
+        if interior.mean() < MINORITY or narrow or vessel.shape.height < self.min_height:
             return False
         corners = vessel.shape.mesh(MESH_SECTIONS).vertices + vessel.pose.position
         voxels, inside = grid.nearest_voxels(corners)
         free_corners = free[tuple(voxels[inside].T)]
-        return bool(inside.mean() > _MIN_GRID_RATIO and free_corners.mean() < self.max_free_ratio)
+        return bool(inside.mean() >= 1 - STRAYS and free_corners.mean() < MINORITY)
 
 
 def with_vessels(hypothesis: ObjectSet, vessels: Mapping[int, FittedVessel]) -> ObjectSet:
     """The hypothesis with vessels in place of other shapes of these labels."""
     solid = hypothesis.superquadrics or {}
     solid = {label: shape for label, shape in solid.items() if label not in vessels}
-    shells = {label: shell for label, shell in hypothesis.shells.items() if label not in vessels}
-    return replace(hypothesis, superquadrics=solid, vessels=vessels, shells=shells)
+    return replace(hypothesis, superquadrics=solid, vessels=vessels)

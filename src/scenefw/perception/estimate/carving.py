@@ -12,7 +12,6 @@ from scenefw.core.batches import PartialTSDF
 from scenefw.core.types import GridSpec
 
 _MIN_VOLUME = 3e-5  # m^3: anything smaller is a fragment, not an object
-_MIN_FURTHER_VOLUME = 1e-4  # m^3: of a second part of an instance
 
 
 def carve(tsdf: Tensor, partial: PartialTSDF, grid: GridSpec) -> Tensor:
@@ -67,7 +66,7 @@ def whole_objects(
             continue
         if volumes[order[0]] >= _MIN_VOLUME:
             main_parts.append(parts == order[0] + 1)
-        further_parts += [parts == i + 1 for i in order[1:] if volumes[i] >= _MIN_FURTHER_VOLUME]
+        further_parts += [parts == i + 1 for i in order[1:] if volumes[i] >= _MIN_VOLUME]
     for number, mask in enumerate([*main_parts, *further_parts], start=max(lasting, default=0) + 1):
         new_labels[mask] = number
     leftover = torch.from_numpy(inside & (new_labels == 0)).to(tsdf.device)

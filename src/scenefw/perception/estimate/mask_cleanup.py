@@ -8,6 +8,8 @@ import numpy as np
 from scipy import ndimage
 
 from scenefw.core.geometry import inverse, transform_points
+from scenefw.perception.observation.components import TOUCH
+from scenefw.perception.observation.points import MINORITY
 from scenefw.shapes.vessel import Vessel
 
 if TYPE_CHECKING:
@@ -15,17 +17,15 @@ if TYPE_CHECKING:
 
     from scenefw.core.types import Float64, Int32, PlacedShape
 
-_BOTTOM = 0.01  # m: bottoms of vessels are thinner
 _MIN_HEIGHT = -0.015  # m: nobody sees so far below the floor
-_MIN_ENCLOSED_SHARE = 0.85  # of a hole's border
 
 
 def without_holes(masks: Int32, heights: Float64) -> Int32:
     """Masks (H, W), 0 = none, with holes of wrong or missing depth filled.
 
     Shiny and overexposed surfaces have no depth, or one below the floor. Such pixels are taken to
-    show an object that encloses them, by 85 % of their border. A hole through which the floor is
-    seen stays, and so does what reaches the end of the image.
+    show an object that encloses them, by nine tenths of their border. A hole through which the
+    floor is seen stays, and so does what reaches the end of the image.
 
     Args:
         masks: (H, W) ids of objects.
@@ -45,7 +45,7 @@ def without_holes(masks: Int32, heights: Float64) -> Int32:
         np.stack([np.concatenate(borders), np.concatenate(owners)]), axis=1, return_counts=True
     )
     total = np.bincount(pairs[0], lengths, minlength=count + 1)
-    enclosed = (pairs[1] > 1) & (lengths >= _MIN_ENCLOSED_SHARE * total[pairs[0]])
+    enclosed = (pairs[1] > 1) & (lengths >= (1 - MINORITY) * total[pairs[0]])
     filled = np.zeros(count + 1, dtype=masks.dtype)
     filled[pairs[0, enclosed]] = pairs[1, enclosed] - 1
     for end in (holes[0], holes[-1], holes[:, 0], holes[:, -1]):
@@ -67,8 +67,8 @@ def with_bottoms(masks: Int32, points: Float64, placed: Mapping[int, PlacedShape
     new_masks = masks.copy()
     for label, item in placed.items():
         if isinstance(item.shape, Vessel):
-            pixels = np.nonzero((masks == 0) & (np.abs(points[..., 2]) < _BOTTOM))
-            raised_points = np.maximum(points[pixels], (-np.inf, -np.inf, 0)) + (0, 0, _BOTTOM)
+            pixels = np.nonzero((masks == 0) & (np.abs(points[..., 2]) < TOUCH))
+            raised_points = np.maximum(points[pixels], (-np.inf, -np.inf, 0)) + (0, 0, TOUCH)
             local_points = transform_points(inverse(item.pose.matrix), raised_points)
             inside = item.shape.holds(local_points)
             new_masks[tuple(axis[inside] for axis in pixels)] = label

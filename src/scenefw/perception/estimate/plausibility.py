@@ -13,9 +13,11 @@ from scenefw.core.types import TriangleMesh
 from scenefw.perception.estimate.objects import estimate_objects
 from scenefw.perception.evidence.mesh_distances import distances_to, mesh_volumes
 from scenefw.perception.evidence.object_depth import object_depth
+from scenefw.perception.observation.components import TOUCH
 from scenefw.perception.observation.image_turns import turned_pixels
 from scenefw.perception.observation.object_masks import footprint_hull
 from scenefw.perception.observation.pixels import coarse_step
+from scenefw.perception.observation.points import MIN_POINTS, MINORITY
 from scenefw.shapes.moments import moments
 
 if TYPE_CHECKING:
@@ -24,11 +26,8 @@ if TYPE_CHECKING:
     from scenefw.core.types import Float32, Float64, SceneEstimate
     from scenefw.perception.observation.observation import Observation
 
-_MIN_POINTS = 10  # visible ones that say something about an object
-_MAX_FREE_RATIO = 0.15  # of an object that may lie before what was measured
 _MAX_LENGTH_RATIO = 2.0  # to that of what is visible
 _MIN_LONG = 0.08  # m: what is shorter may be hidden for the most part
-_GAP = 0.01  # m: what is farther above the floor and all others hovers
 _CELL = 0.005  # m: side of columns below what is visible
 
 
@@ -102,20 +101,20 @@ class _Checks:
         lowest = float(mesh.vertices[:, 2].min())
         flaws = float(-lowest > self.margin)
         visible = self.visible[label]
-        if len(visible) > _MIN_POINTS:
+        if len(visible) > MIN_POINTS:
             length, visible_length = (
                 np.ptp(mesh.vertices, axis=0).max(),
                 np.ptp(visible, axis=0).max(),
             )
             flaws += float(length > _MIN_LONG and length > _MAX_LENGTH_RATIO * visible_length)
         free = self._free_ratio(mesh)
-        flaws += free if free > _MAX_FREE_RATIO else 0.0
-        return flaws + float(lowest > _GAP and self._hovers(mesh, label))
+        flaws += free if free > MINORITY else 0.0
+        return flaws + float(lowest > TOUCH and self._hovers(mesh, label))
 
     def humbler(self, label: int) -> Iterator[TriangleMesh]:
         """Closed meshes of what is visible of an object, the boldest first."""
         points = self.visible[label]
-        if len(points) <= _MIN_POINTS:
+        if len(points) <= MIN_POINTS:
             return
         support = self._support(label, points)
         for height in dict.fromkeys((support, 0.0)):
@@ -152,8 +151,8 @@ class _Checks:
     def _hovers(self, mesh: TriangleMesh, label: int) -> bool:
         """Whether nothing is close to the lowest part of a mesh."""
         heights = mesh.vertices[:, 2]
-        bottom = mesh.vertices[heights < heights.min() + _GAP]
-        low, high = bottom.min(axis=0) - _GAP, bottom.max(axis=0) + _GAP
+        bottom = mesh.vertices[heights < heights.min() + TOUCH]
+        low, high = bottom.min(axis=0) - TOUCH, bottom.max(axis=0) + TOUCH
         neighbours = [
             vertices[((vertices >= low) & (vertices <= high)).all(axis=1)]
             for item in self.objects
@@ -161,8 +160,8 @@ class _Checks:
             if item.id != label
         ]
         places = np.concatenate([np.empty((0, 3)), *neighbours])
-        distances = cKDTree(bottom).query(places, distance_upper_bound=_GAP)[0]
-        return not (distances < _GAP).any()
+        distances = cKDTree(bottom).query(places, distance_upper_bound=TOUCH)[0]
+        return not (distances < TOUCH).any()
 
 
 def columns_below(points: Float64, floor: float) -> TriangleMesh:

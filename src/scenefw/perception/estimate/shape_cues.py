@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from enum import IntEnum
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,18 +22,27 @@ if TYPE_CHECKING:
     from scenefw.perception.evidence.object_depth import Box
     from scenefw.perception.observation.observation import Observation
 
-CUES: Mapping[str, int] = {
-    "agreement": 1,  # mean IoU with the most similar object of each other hypothesis
-    "silhouette": 1,  # IoU of its mask with its outline, without what something nearer hides
-    "residual": -1,  # mean distance along rays of what is measured from its surface
-    "free": -1,  # mean distance by which its outline stands before what is measured
-    "occluded": -1,  # ratio of its outline that something nearer hides
-    "noise": -1,  # standard deviation of depth
-    "thickness": 0,  # logarithm of its volume by surface (m)
-    "fill": 0,  # ratio of the box along its axes that it fills
-    "hull": 0,  # 1 if no shape explains it, so that it is a hull, voxels or columns
+
+class Trend(IntEnum):
+    """Whether an object's expected IoU may only rise or only fall with a number."""
+
+    RISES = 1
+    FALLS = -1
+    ANY = 0
+
+
+CUES: Mapping[str, Trend] = {
+    "agreement": Trend.RISES,  # mean IoU with the most similar object of each other hypothesis
+    "silhouette": Trend.RISES,  # IoU of its mask with its outline, but for what is hidden
+    "residual": Trend.FALLS,  # mean distance along rays of what is measured from its surface
+    "free": Trend.FALLS,  # mean distance by which its outline stands before what is measured
+    "occluded": Trend.FALLS,  # ratio of its outline that something nearer hides
+    "noise": Trend.FALLS,  # standard deviation of depth
+    "thickness": Trend.ANY,  # logarithm of its volume by surface (m)
+    "fill": Trend.ANY,  # ratio of the box along its axes that it fills
+    "hull": Trend.ANY,  # 1 if no shape explains it, so that it is a hull, voxels or columns
 }
-"""Numbers about an object, and whether its expected IoU may only rise (1) or fall (-1) with each.
+"""Numbers about an object.
 
 Distances are square roots of multiples of its thickness, volume by surface: a shape that is off by
 a small part of it all over has lost about as large a part of its volume.

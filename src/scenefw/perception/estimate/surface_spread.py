@@ -8,13 +8,12 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from scenefw.perception.evidence.mesh_distances import distances_to
+from scenefw.perception.observation.points import SAMPLE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from scenefw.core.types import Float32, ObjectEstimate, SceneEstimate
-
-_MAX_PLACES = 1500  # vertices of an object whose distances are computed; others take the nearest's
 
 
 def surface_spread(
@@ -40,7 +39,7 @@ def surface_spread(
 
 def _spread(item: ObjectEstimate, others: Sequence[ObjectEstimate]) -> Float32:
     vertices = item.mesh.vertices
-    places = vertices[:: -(-len(vertices) // _MAX_PLACES)]
+    places = vertices[:: -(-len(vertices) // SAMPLE)]
     squares = [distances_to(other.mesh).at(places) ** 2 for other in others]
     spread = np.sqrt(np.mean(squares, axis=0)).astype(np.float32)
     return np.asarray(spread[cKDTree(places).query(vertices)[1]])

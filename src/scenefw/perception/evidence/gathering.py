@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +13,7 @@ from scenefw.core.evidence import Evidence
 from scenefw.core.settings import COUNT, NOT_NEGATIVE, POSITIVE, above
 from scenefw.perception.evidence.silhouettes import passed_places
 from scenefw.perception.observation.pixels import WIDTH
+from scenefw.perception.observation.points import MIN_POINTS, MINORITY
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,7 +28,6 @@ if TYPE_CHECKING:
     Box = tuple[slice, ...]
 
 _FLOOR_DEPTH = 0.006  # m: of points under the floor
-_MIN_PIXEL_RATIO = 0.25  # of an object's pixels that must remain, else all count
 
 
 class EvidenceGathering:
@@ -40,9 +41,8 @@ class EvidenceGathering:
         visible_sigma: standard deviation of seen points from the surface (m).
         hidden_sigma: of predicted ones (m).
         outside_sigma: how deep a place outside may lie in the object (m).
-        visible_points: points at most; likewise the following.
-        hidden_points: predicted points.
-        outside_points: places of each kind outside.
+        surface_points: visible points at most, and as many predicted ones.
+        outside_points: places of each kind outside, at most.
         border_pixels: width (pixels of an image 640 wide) of the border to another object, whose
             pixels aren't evidence: some are the other's, and a few mislead the fit of a thin
             object.
@@ -50,7 +50,7 @@ class EvidenceGathering:
             known.
 
     Raises:
-        ConfigError: a number isn't positive, or hidden points are as certain as seen ones.
+        ConfigError: a number isn't positive, or predicted points are as certain as seen ones.
     """
 
     def __init__(
@@ -58,27 +58,27 @@ class EvidenceGathering:
         visible_sigma: float = 0.003,
         hidden_sigma: float = 0.3,
         outside_sigma: float = 0.004,
-        visible_points: int = 400,
-        hidden_points: int = 200,
-        outside_points: int = 200,
-        border_pixels: int = 0,
-        passing_points: int = 0,
+        surface_points: int = 200,
+        outside_points: int = 100,
+        border_pixels: int = 4,
+        passing_points: int = 300,
     ) -> None:
         POSITIVE.require(visible_sigma=visible_sigma, outside_sigma=outside_sigma)
-        COUNT.require(visible_points=visible_points, outside_points=outside_points)
-        NOT_NEGATIVE.require(hidden_points=hidden_points)
-        if hidden_points:
-            sigma_bound = above(visible_sigma, "as what is seen is the more certain")
-            sigma_bound.require(hidden_sigma=hidden_sigma)
+        COUNT.require(surface_points=surface_points, outside_points=outside_points)
+        sigma_bound = above(visible_sigma, "as what is seen is the more certain")
+        sigma_bound.require(hidden_sigma=hidden_sigma)
         NOT_NEGATIVE.require(border_pixels=border_pixels, passing_points=passing_points)
         self.visible_sigma, self.hidden_sigma = visible_sigma, hidden_sigma
         self.outside_sigma = outside_sigma
-        self.visible_points, self.hidden_points, self.outside_points = (
-            visible_points,
-            hidden_points,
-            outside_points,
-        )
+        self.surface_points, self.outside_points = surface_points, outside_points
         self.border_pixels, self.passing_points = border_pixels, passing_points
+
+    @property
+    def of_segments(self) -> EvidenceGathering:
+        """The same for segments: what lies beside one may be of the same object."""
+        gathering = copy(self)
+        gathering.border_pixels = gathering.passing_points = 0
+        return gathering
 
     def of(self, label: int, objects: Objects, view: ViewGeometry) -> Evidence:
         """The evidence about the object with this label; it may have no points."""
@@ -111,8 +111,8 @@ class EvidenceGathering:
         visible = (
             np.empty((0, 3)) if box is None else self._visible_points(label, box, objects, view)
         )
-        visible = _subsample(visible, self.visible_points)
-        hidden = _subsample(self._hidden_points(label, objects, view, visible), self.hidden_points)
+        visible = _subsample(visible, self.surface_points)
+        hidden = _subsample(self._hidden_points(label, objects, view, visible), self.surface_points)
         points = np.concatenate([visible, hidden])
         sigmas = np.repeat([self.visible_sigma, self.hidden_sigma], [len(visible), len(hidden)])
         outside = np.empty((0, 3))
@@ -128,13 +128,14 @@ class EvidenceGathering:
         box = tuple(slice(max(side.start - reach, 0), side.stop + reach) for side in box)
         masks, points = objects.pixels[box], view.points[box]
         inside: Mask = masks == label
+        min_pixels = max(MIN_POINTS, MINORITY * inside.sum())
         if view.mixed is not None:
             unmixed = inside & ~view.mixed[box]
-            inside = unmixed if unmixed.sum() >= _MIN_PIXEL_RATIO * inside.sum() else inside
+            inside = unmixed if unmixed.sum() >= min_pixels else inside
         if reach:
             neighbours = maximum_filter((masks > 0) & (masks != label), 2 * reach + 1)
             inner = inside & ~neighbours
-            inside = inner if inner.sum() >= _MIN_PIXEL_RATIO * inside.sum() else inside
+            inside = inner if inner.sum() >= min_pixels else inside
         return points[inside]
 
     def _hidden_points(

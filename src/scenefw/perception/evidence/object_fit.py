@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from scenefw.core.settings import COUNT, NOT_NEGATIVE
+from scenefw.core.settings import NOT_NEGATIVE
 from scenefw.perception.evidence.visible_instances import visible_instances
+from scenefw.perception.observation.points import MIN_POINTS, STRAYS
 from scenefw.perception.steps import Fits
 
 if TYPE_CHECKING:
@@ -17,9 +18,6 @@ if TYPE_CHECKING:
     from scenefw.perception.evidence.gathering import EvidenceGathering
     from scenefw.perception.observation.observation import ViewGeometry
     from scenefw.perception.steps import Objects
-
-_MIN_INSIDE_RATIO = 0.98  # of visible points that lie in the grid
-_TOP_QUANTILE = 0.95  # quantile of heights that is a top, against single pixels
 
 
 class ObjectFit:
@@ -32,20 +30,16 @@ class ObjectFit:
     Args:
         fit: of superquadrics to evidence.
         evidence: what a view says about an object.
-        min_points: visible points that an object must have.
         min_height: above the floor that an object without a volume must reach (m).
 
     Raises:
-        ConfigError: no point, or a negative height.
+        ConfigError: a negative height.
     """
 
-    def __init__(
-        self, fit: ShapeFit, evidence: EvidenceGathering, min_points: int, min_height: float
-    ) -> None:
-        COUNT.require(min_points=min_points)
+    def __init__(self, fit: ShapeFit, evidence: EvidenceGathering, min_height: float) -> None:
         NOT_NEGATIVE.require(min_height=min_height)
         self.shape_fit, self.evidence = fit, evidence
-        self.min_points, self.min_height = min_points, min_height
+        self.min_height = min_height
 
     def fit(self, objects: Objects, view: ViewGeometry) -> Fits:
         """Superquadrics of objects, each as if there were no others.
@@ -72,12 +66,12 @@ class ObjectFit:
         observations = self.evidence.of_each(labels, objects, view)
         evidence = dict(zip(labels, observations, strict=True))
         sigma = self.evidence.visible_sigma
-        return {k: e for k, e in evidence.items() if (e.sigmas == sigma).sum() >= self.min_points}
+        return {k: e for k, e in evidence.items() if (e.sigmas == sigma).sum() >= MIN_POINTS}
 
     def _is_standing(self, label: int, objects: Objects, view: ViewGeometry) -> bool:
         """Whether what is visible of an object without a volume is in the grid and above it."""
         points = view.points[objects.pixels == label]
         voxels = view.grid.to_voxels(points)
         inside = ((voxels > 0) & (voxels < view.grid.resolution - 1)).all(axis=-1)
-        high = np.quantile(points[:, 2], _TOP_QUANTILE) > self.min_height
-        return bool(inside.mean() > _MIN_INSIDE_RATIO and high)
+        high = np.quantile(points[:, 2], 1 - STRAYS) > self.min_height
+        return bool(inside.mean() >= 1 - STRAYS and high)

@@ -8,12 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import cKDTree
 
-from scenefw.fitting.placed import shape_of
+from scenefw.fitting.placed import EDGE_POINTS, shape_of
 
 if TYPE_CHECKING:
     from scenefw.core.evidence import Evidence, FittedSuperquadric
-
-_CORNERS = 6  # of the mesh of the predicted surface
 
 
 def add_predicted_surface(
@@ -28,7 +26,7 @@ def add_predicted_surface(
         min_gap: they count if further than this from all visible ones (m).
     """
     visible = evidence.points[evidence.visible]
-    surface = shape_of(predicted).mesh(_CORNERS).vertices
+    surface = shape_of(predicted).mesh(EDGE_POINTS).vertices
     surface = surface @ predicted.pose.rotation.T + predicted.pose.position
     hidden = surface[cKDTree(visible).query(surface)[0] > min_gap]
     return replace(

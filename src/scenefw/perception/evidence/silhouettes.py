@@ -5,8 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.constants import golden
 from scipy.ndimage import distance_transform_edt
 
+from scenefw.perception.observation.components import TOUCH
 from scenefw.perception.observation.pixels import WIDTH
 
 if TYPE_CHECKING:
@@ -16,8 +18,6 @@ if TYPE_CHECKING:
 
 _MIN_DISTANCE, _MAX_DISTANCE = 3, 12  # pixels from the object
 _MAX_DEPTH_BEHIND = 0.15  # m behind the object's edge: as far as places lie
-_MIN_GAP = 0.01  # m before what is seen there
-_GOLDEN_RATIO = 0.6180339887498949  # multiples of it spread evenly, and differ along the silhouette
 
 
 def passed_places(mask: NDArray[np.bool_], points: Float64, eye: Float64, count: int) -> Float64:
@@ -44,11 +44,11 @@ def passed_places(mask: NDArray[np.bool_], points: Float64, eye: Float64, count:
     edges = np.linalg.norm(points[box][row[ring], column[ring]] - eye, axis=1)
     depths = np.linalg.norm(rays, axis=1)
     with np.errstate(invalid="ignore"):
-        candidates = np.flatnonzero(depths - _MIN_GAP > edges)  # NaN isn't
+        candidates = np.flatnonzero(depths - TOUCH > edges)  # NaN isn't
     samples = candidates[:: -(-len(candidates) // count)] if len(candidates) else candidates
-    share = np.modf(_GOLDEN_RATIO * np.arange(len(samples)))[0]
+    share = np.modf(golden * np.arange(len(samples)))[0]  # even, and differs along the silhouette
     sample_depths = edges[samples] + share * np.minimum(
-        depths[samples] - _MIN_GAP - edges[samples], _MAX_DEPTH_BEHIND
+        depths[samples] - TOUCH - edges[samples], _MAX_DEPTH_BEHIND
     )
     return np.asarray(
         eye + rays[samples] * (sample_depths / depths[samples])[:, None], dtype=np.float64

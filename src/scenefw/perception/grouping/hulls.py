@@ -10,6 +10,7 @@ from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from scenefw.perception.estimate.carving import carve
 from scenefw.perception.observation.object_masks import footprint_hulls
+from scenefw.perception.observation.points import SAMPLE
 from scenefw.perception.steps import Objects
 
 if TYPE_CHECKING:
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
     from scenefw.perception.steps import Segmentation
 
 _PLANES_AT_ONCE = 16
-_MAX_POINTS = 1500  # of a part: hulls of more have hundreds of faces and are hardly larger
 
 
 class HullFilling:
@@ -78,7 +78,7 @@ def hulls(segments: Int32, view: ViewGeometry) -> tuple[Float32, Int32]:
 
 def thinned(points: Float64) -> Float64:
     """At most so many points, spread evenly over the image."""
-    return points[:: -(-len(points) // _MAX_POINTS)]
+    return points[:: -(-len(points) // SAMPLE)]
 
 
 def hull_distance(

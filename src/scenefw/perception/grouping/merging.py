@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 from scenefw.core.settings import POSITIVE, at_least
 from scenefw.fitting.placed import OUTLIERS, signed_distance
+from scenefw.perception.observation.points import DRAWS
 from scenefw.perception.segmentation.regions import hiding
 
 if TYPE_CHECKING:
@@ -24,8 +25,6 @@ if TYPE_CHECKING:
 
     Group = frozenset[int]
 
-_MAX_POINTS = 200  # of a part, enough to say how well a shape explains it
-_SEGMENTS = 200  # between two parts
 _MAX_GAP_SIZES, _MAX_GAP = 2.0, 0.15  # sizes of the larger of two parts; m
 _MAX_FREE_RATIO = 0.2  # share of segments that may be seen through, at borders of voxels
 
@@ -110,7 +109,7 @@ class FitMerging:
 
     def _deviation(self, fitted: FittedSuperquadric, points: Float64) -> float:
         """Squared deviation of a part's points from a superquadric."""
-        sample = points[:: -(-len(points) // _MAX_POINTS)]
+        sample = points[:: -(-len(points) // DRAWS)]
         return float(self.fits.deviations(fitted, sample).mean())
 
 
@@ -132,7 +131,7 @@ def _may_be_one(
         if hide[a, b]:
             return False
         rng = np.random.default_rng(0)
-        first, second = (points[part][rng.integers(len(points[part]), size=_SEGMENTS)]
+        first, second = (points[part][rng.integers(len(points[part]), size=DRAWS)]
                          for part in (a, b))  # fmt: skip
         size = max(np.linalg.norm(np.ptp(sample, axis=0)) for sample in (first, second))
         if cKDTree(first).query(second)[0].min() > max(_MAX_GAP_SIZES * size, _MAX_GAP):

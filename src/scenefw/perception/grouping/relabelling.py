@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 
 from scenefw.perception.evidence.visible_instances import visible_instances
 from scenefw.perception.observation.mixed_pixels import without_ramps
+from scenefw.perception.observation.points import MINORITY, SAMPLE
 from scenefw.perception.steps import Objects
 
 if TYPE_CHECKING:
@@ -16,9 +17,7 @@ if TYPE_CHECKING:
     from scenefw.perception.observation.observation import Observation, ViewGeometry
     from scenefw.perception.steps import Grouping
 
-_MAX_POINTS = 3000  # of an instance: enough to say which is nearest to a voxel
 _REACH = 2.0  # voxels, from a rough volume to visible points that are its
-_MIN_PIXEL_RATIO = 0.1  # of an instance's pixels: objects of fewer get none of its voxels
 
 
 class Splitting(Protocol):
@@ -102,7 +101,7 @@ def reassigned(
     """Instances (X, Y, Z) that are the objects which their pixels show.
 
     An instance that shows several objects is divided: each of its voxels goes to the one of the
-    nearest seen point. Objects of less than `_MIN_PIXEL_RATIO` of its pixels are its neighbours'
+    nearest seen point. Objects of less than a tenth of its pixels are its neighbours'
     and get none of it.
 
     Args:
@@ -117,13 +116,13 @@ def reassigned(
     for label in np.unique(instances[instances > 0]):
         instance_mask = instances == label
         votes = np.bincount(objects[(pixel_instances == label) & (objects > 0)], minlength=1)
-        owners = np.flatnonzero(votes > _MIN_PIXEL_RATIO * votes.sum())
+        owners = np.flatnonzero(votes > MINORITY * votes.sum())
         if not len(owners):
             labels[instance_mask] = next_label
             next_label += 1
             continue
         pixels = (pixel_instances == label) & np.isin(objects, owners)
-        step = -(-int(pixels.sum()) // _MAX_POINTS)
+        step = -(-int(pixels.sum()) // SAMPLE)
         pixel_labels, pixel_points = objects[pixels][::step], points[pixels][::step]
         nearest = cKDTree(pixel_points).query(centres[instance_mask])[1]
         labels[instance_mask] = pixel_labels[nearest]

@@ -30,11 +30,11 @@ class SegmentFits:
 
     Args:
         fit: of superquadrics.
-        evidence: what a view says about a segment.
+        evidence: what a view says about an object.
     """
 
     def __init__(self, fit: ShapeFit, evidence: EvidenceGathering) -> None:
-        self.fit, self.evidence = fit, evidence
+        self.fit, self.evidence = fit, evidence.of_segments
         self._fits: dict[bytes, FittedSuperquadric] = {}
         self._points: Float64 | None = None  # of the view whose fits these are
 

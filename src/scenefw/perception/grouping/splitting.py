@@ -13,6 +13,7 @@ from scenefw.core.settings import COUNT, POSITIVE
 from scenefw.fitting.placed import signed_distance
 from scenefw.perception.evidence.silhouettes import box_about
 from scenefw.perception.observation.pixels import WIDTH
+from scenefw.perception.observation.points import STRAYS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
 
 _MIN_FIT_POINTS = 4  # as `ShapeFit` needs them
 _MIN_OUTLIER_SIGMAS = 2.0  # standard deviations of pixels that the second superquadric starts from
-_MIN_SPLIT_DEVIATION = 0.3  # squared deviation of a part that one superquadric doesn't explain
 _FILTER_WIDTH = 7  # pixels over which sides are evened out
 _MAX_DEPTH = 2  # cuts of a cut
 
@@ -50,9 +50,8 @@ class FitSplitting:
         fits: of superquadrics to segments.
         min_gain: squared deviations, over all pixels of the part (of an image 640 wide), that
             two superquadrics must save.
-        min_ratio: of the part's pixels that the smaller piece must have, at least.
-        max_deviation: mean squared deviation that may be left, else the pieces are no superquadrics
-            either.
+        max_deviation: mean squared deviation of what is a superquadric: the part has more, and its
+            pieces don't.
         min_pixels: pixels of a piece (of an image 640 wide).
         rounds: how often pixels are dealt out anew.
 
@@ -64,19 +63,17 @@ class FitSplitting:
         self,
         fits: SegmentFits,
         min_gain: float = 3000.0,
-        min_ratio: float = 0.02,
         max_deviation: float = 0.3,
         min_pixels: int = 100,
         rounds: int = 5,
     ) -> None:
         POSITIVE.require(
             min_gain=min_gain,
-            min_ratio=min_ratio,
             max_deviation=max_deviation,
             min_pixels=min_pixels,
         )
         COUNT.require(rounds=rounds)
-        self.fits, self.min_gain, self.min_ratio = fits, min_gain, min_ratio
+        self.fits, self.min_gain = fits, min_gain
         self.max_deviation, self.min_pixels, self.rounds = max_deviation, min_pixels, rounds
 
     def split(self, parts: Int32, view: ViewGeometry) -> Int32:
@@ -102,7 +99,7 @@ class FitSplitting:
         """The parts with this one cut in two; None if that explains no more."""
         part_mask = parts == part
         deviations = self._deviations(superquadric, view, part_mask)
-        if deviations.mean() < _MIN_SPLIT_DEVIATION:
+        if deviations.mean() < self.max_deviation:
             return None
         trial = self._initial_trial(part, parts, superquadric, view)
         for _ in range(self.rounds):
@@ -130,7 +127,7 @@ class FitSplitting:
         regions, _ = components(outliers)
         sizes = np.bincount(regions.ravel())
         sizes[0] = 0
-        if sizes.max() < max(self._min_pixels(parts), self.min_ratio * part_mask.sum()):
+        if sizes.max() < max(self._min_pixels(parts), STRAYS * part_mask.sum()):
             return None
         new_parts = np.where(regions == sizes.argmax(), parts.max() + 1, parts).astype(np.int32)
         return _Trial(new_parts, np.empty(0)) if self._is_large(part, new_parts) else None

@@ -15,7 +15,7 @@ from scenefw.kernels.meshes import Tree
 from scenefw.perception.multiview.upright import HALF_THICKNESS, MAX_HEIGHT, turned_upright
 from scenefw.perception.observation.floor import TABLE_HEIGHT
 from scenefw.perception.observation.pixels import coarse_step
-from scenefw.perception.observation.points import world_points
+from scenefw.perception.observation.points import MINORITY, world_points
 from scenefw.perception.observation.table_frame import TableFrame
 
 if TYPE_CHECKING:
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from scenefw.core.types import Camera
     from scenefw.perception.multiview.all_sides import Surround
 
-_MAX_SHARE_BELOW = 0.1  # of what is seen, if the plane is a table
 _MAX_RADIUS = 0.55  # m: radius of what cameras try to see, so that they are near enough for a table
 _OUTLIER_PERCENTAGE = 0.5  # per cent of vertices at either end that don't say where a scene ends
 
@@ -95,7 +94,7 @@ class MeshViews:
         )
         depth_below = -table_points[:, 2]  # of sides of what it is the top of, not a room's floor
         is_below = (depth_below > HALF_THICKNESS) & (depth_below < TABLE_HEIGHT)
-        if alignment.table and is_below.mean() < _MAX_SHARE_BELOW:
+        if alignment.table and is_below.mean() < MINORITY:
             return alignment.T_table_world, "a plane of the mesh"
         floor = float(np.percentile(mesh.vertices[:, 2], _OUTLIER_PERCENTAGE))
         return geometry.rigid(np.eye(3), (0.0, 0.0, -floor)), "at the lowest point of the mesh"

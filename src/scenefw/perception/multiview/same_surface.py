@@ -10,6 +10,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from scenefw.core.settings import PART, POSITIVE
+from scenefw.perception.observation.points import MAJORITY
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from scenefw.core.types import Float64, Int32
 
 # of the share from which on parts are joined: another part of the image is met too
-_MIN_CONTACT_RATIO = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +58,7 @@ class SurfaceOverlap:
             owner[np.unique(image[image > 0])] = number
         shares = self._shares(parts, points, count)
         mutual_shares = np.maximum(shares, shares.T)
-        ambiguous_pairs = _find_ambiguous_pairs(shares, owner, _MIN_CONTACT_RATIO * self.min_ratio)
+        ambiguous_pairs = _find_ambiguous_pairs(shares, owner, MAJORITY * self.min_ratio)
         mutual_shares[ambiguous_pairs | ambiguous_pairs.T] = 0.0
         return _groups(mutual_shares, owner, self.min_ratio)
 

@@ -7,11 +7,9 @@ from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
 from scenefw.core.types import Float64, TriangleMesh
-from scenefw.perception.observation.points import MAJORITY
+from scenefw.perception.observation.points import DRAWS, MAJORITY, MIN_PARALLEL_COSINE
 
 _POINTS = 20000
-_CANDIDATES = 200  # planes through points that are drawn; a table has a third of all points
-_MAX_ANGLE = 20.0  # degrees: noise of normals of scanned tables
 _NEAR_AXIS = 10.0  # degrees: nearer, an axis of the file is meant
 HALF_THICKNESS = 0.01
 """m: what is as near to the plane of a scanned table is the table."""
@@ -34,7 +32,7 @@ def table_normal(mesh: TriangleMesh) -> Float64 | None:
     points, faces = trimesh.sample.sample_surface(surface, _POINTS, seed=0)
     points, normals = np.asarray(points), np.asarray(surface.face_normals)[faces]
     best, best_key = None, (False, 0)
-    for number in np.linspace(0, len(points) - 1, _CANDIDATES).astype(int):
+    for number in np.linspace(0, len(points) - 1, DRAWS).astype(int):
         plane = _plane(points, normals, normals[number])
         if plane is None:
             continue
@@ -77,7 +75,7 @@ def _to_z(direction: Float64) -> Float64:
 
 def _plane(points: Float64, normals: Float64, direction: Float64) -> tuple[Float64, int] | None:
     """Normal and number of points of the largest plane that faces a direction, if it is a table."""
-    facing = normals @ direction > np.cos(np.radians(_MAX_ANGLE))
+    facing = normals @ direction > MIN_PARALLEL_COSINE
     normal = normals[facing].mean(axis=0)
     normal /= np.linalg.norm(normal)
     heights = points @ normal

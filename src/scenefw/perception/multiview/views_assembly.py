@@ -10,6 +10,7 @@ import numpy as np
 from scenefw.perception.estimate.assembly import cleaned, scene_estimate
 from scenefw.perception.estimate.composition import composed
 from scenefw.perception.evidence.nearest_objects import explained_shares
+from scenefw.perception.observation.components import EDGE
 from scenefw.perception.observation.pixels import coarse_step
 from scenefw.perception.observation.surface_mesh import obstacles_of
 
@@ -22,8 +23,6 @@ if TYPE_CHECKING:
     from scenefw.perception.observation.views import Views
     from scenefw.perception.steps import ObjectSet
     from scenefw.postprocessing.confidence import ExpectedOverlap
-
-_REACH = 0.02  # m: a point farther from all objects is of none
 
 
 class ViewsAssembly:
@@ -73,7 +72,7 @@ class ViewsAssembly:
         for scene in self.volumes(sets, view):
             whole = cleaned(scene, view.grid, view.partial)
             estimate = scene_estimate(whole, view.grid, view.frame, {}, details)
-            shares = explained_shares(points, estimate.objects, inlier_distance, _REACH)
+            shares = explained_shares(points, estimate.objects, inlier_distance, EDGE)
             objects = tuple(replace(item, confidence=shares[item.id]) for item in estimate.objects)
             yield replace(estimate, objects=objects, obstacles=obstacles)
 

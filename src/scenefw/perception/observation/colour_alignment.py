@@ -8,8 +8,9 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 from scipy.signal import fftconvolve
 
-from scenefw.perception.observation.components import NEIGHBOURS
+from scenefw.perception.observation.components import EDGE, NEIGHBOURS
 from scenefw.perception.observation.pixels import coarse_step
+from scenefw.perception.observation.points import STRAYS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -18,9 +19,7 @@ if TYPE_CHECKING:
 
 _REACH = 20  # pixels of thinned images, in each direction
 _MAX_ALIGNED_SHIFT = 3  # likewise, by which edges of both may be apart
-_JUMP = 0.02  # m
 _MIN_EDGE_PIXELS = 60  # pixels at jumps
-_CLIP_QUANTILE = 0.98  # share of edges of colour that are weaker than the strongest that count
 
 
 class ColourShift(NamedTuple):
@@ -50,7 +49,7 @@ def colour_shift(depth: Float32, colour: NDArray[np.uint8]) -> ColourShift | Non
     brightness = gaussian_filter(grey, step / 2)[::step, ::step]
     slopes = [gaussian_filter(brightness, 0.7, order=order) for order in ((0, 1), (1, 0))]
     gradient = np.hypot(*slopes)
-    gradient = np.minimum(gradient, np.quantile(gradient, _CLIP_QUANTILE))
+    gradient = np.minimum(gradient, np.quantile(gradient, 1 - STRAYS))
     sums = fftconvolve(gradient - gradient.mean(), edges[::-1, ::-1].astype(np.float32))
     row, column = np.array(edges.shape) - 1  # of no shift
     if min(row, column) < _REACH:
@@ -70,7 +69,7 @@ def _before_jumps(depth: Float32) -> NDArray[np.bool_]:
     """Pixels (H, W) one of whose four neighbours is farther away; none at borders of the image."""
     edges = np.zeros(depth.shape, dtype=bool)
     valid_depth = np.where(depth > 0, depth, np.nan)
-    limit = _JUMP * np.maximum(valid_depth, 1.0) ** 2  # as noise grows
+    limit = EDGE * np.maximum(valid_depth, 1.0) ** 2  # as noise grows
     for a, b in NEIGHBOURS:
         for near, far in ((a, b), (b, a)):
             edges[near] |= valid_depth[far] - valid_depth[near] > limit[near]

@@ -17,6 +17,9 @@ NOISE = 0.002
 MAX_STEP = 0.012
 """m of depth between neighbouring pixels of one surface."""
 
+TOUCH = 0.01
+"""m: surfaces that come as near may touch; hidden parts are not known better."""
+
 NEIGHBOURS = ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:]))
 """Slices of an image and of what lies on the right, and below."""
 

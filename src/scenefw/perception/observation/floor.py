@@ -12,19 +12,21 @@ from scenefw.core.floors import Floor
 from scenefw.core.settings import COUNT, POSITIVE, SHARE
 from scenefw.core.types import Frame
 from scenefw.perception.observation.floor_noise import FLOOR_SIGMAS, MIN_POINTS, robust_sigma
-from scenefw.perception.observation.points import camera_points
+from scenefw.perception.observation.points import (
+    MIN_PARALLEL_COSINE,
+    REFINEMENTS,
+    SAMPLE,
+    camera_points,
+)
 
 Array = NDArray[np.float64]
 
-_SCORED_POINTS = 4096
 _EXAMINED_PLANES = 40  # random planes with most points, of which is asked what is seen through them
 _PLANES_AT_ONCE = 32  # their distances from all scored points fit into a core's cache
 _UPRIGHT_WEIGHT = 1.5  # images are mostly upright: a wall needs more points than a floor
 TABLE_HEIGHT = 0.3
 """A plane this far above another (m) is a table on a room's floor; so high is what lies on one."""
 _TABLE_SHARE = 0.4  # ... not the top of an object, if it has this share of the other's points
-_MIN_PARALLEL_COSINE = np.cos(np.radians(8))  # of the angle between two planes
-_REFINEMENTS = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +96,7 @@ class FloorFinder:
         self, points: Array, all_points: Array, random: np.random.Generator
     ) -> tuple[Array, float]:
         """Normal and height of the random plane with the highest score, on a subset of points."""
-        sample = points[random.choice(len(points), min(_SCORED_POINTS, len(points)), replace=False)]
+        sample = points[random.choice(len(points), min(SAMPLE, len(points)), replace=False)]
         corners = sample[random.integers(len(sample), size=(self.iterations, 3))]
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         length = np.linalg.norm(normals, axis=1)
@@ -140,7 +142,7 @@ class FloorFinder:
     def _fit(self, points: Array, normal: Array, height: float) -> Floor:
         """Least-squares plane of the points that are near one, as near as their noise allows."""
         threshold = self.inlier_distance
-        for _ in range(_REFINEMENTS):
+        for _ in range(REFINEMENTS):
             inliers = near_plane(points, points @ normal + height, threshold)
             normal, height = _fit_plane(points[inliers])
             distance = points @ normal + height
@@ -159,7 +161,7 @@ def _is_table(plane: Floor, floor: Floor) -> bool:
     """Whether a plane is a table on a room's floor."""
     return bool(
         plane.height < floor.height - TABLE_HEIGHT
-        and plane.normal @ floor.normal > _MIN_PARALLEL_COSINE
+        and plane.normal @ floor.normal > MIN_PARALLEL_COSINE
         and plane.share > _TABLE_SHARE * floor.share
     )
 

@@ -10,13 +10,13 @@ from scipy.special import ndtri
 
 from scenefw.perception.observation.components import EDGE
 from scenefw.perception.observation.pixels import scaled
+from scenefw.perception.observation.points import MINORITY
 
 if TYPE_CHECKING:
     from scenefw.core.types import Float32, Float64
 
 _MAX_HEIGHT = 0.015  # m from the floor: what is farther away isn't the floor
 _MIN_CORRELATION = 0.92  # stereo matching has 0.95 to 0.99, structured light at most 0.9
-_MIN_NOISY_RATIO = 0.1  # of the floor's pixels that have noise, if it has
 MIN_POINTS = 100
 """Fewer points say nothing about a floor."""
 ROUNDING = 1e-5
@@ -66,7 +66,7 @@ def has_correlated_noise(heights: Float64) -> bool:
     columns = heights[:, step:], heights[:, :-step]
     for first, second in ((heights[step:], heights[:-step]), columns):
         on_floor = (np.abs(first) < _MAX_HEIGHT) & (np.abs(second) < _MAX_HEIGHT)
-        min_pixels = max(MIN_POINTS, _MIN_NOISY_RATIO * on_floor.sum())
+        min_pixels = max(MIN_POINTS, MINORITY * on_floor.sum())
         on_floor &= (np.abs(first) > ROUNDING) & (np.abs(second) > ROUNDING)
         if on_floor.sum() < min_pixels:
             return False

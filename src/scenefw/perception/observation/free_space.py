@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from scenefw.fitting.placed import shape_of
+from scenefw.fitting.placed import shells_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -14,16 +14,12 @@ if TYPE_CHECKING:
     from scenefw.core.evidence import FittedSuperquadric
     from scenefw.core.types import Float64, GridSpec
 
-_CORNERS = 6  # of meshes that say where an object is
-_SHELLS = (1.0, 0.6, 0.2)  # of its size
-
 
 def places_in(superquadric: FittedSuperquadric) -> Float64:
-    """Places (P, 3) on the surface of a superquadric and inside of it, world (m)."""
-    corners = shape_of(superquadric).mesh(_CORNERS).vertices
-    inner = np.concatenate([share * corners for share in _SHELLS])
+    """Places (P, 3) near the surface of a superquadric and inside of it, world (m)."""
     return np.asarray(
-        inner @ superquadric.pose.rotation.T + superquadric.pose.position, dtype=np.float64
+        shells_of(superquadric) @ superquadric.pose.rotation.T + superquadric.pose.position,
+        dtype=np.float64,
     )
 
 

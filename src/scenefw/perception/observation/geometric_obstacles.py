@@ -9,12 +9,12 @@ import numpy as np
 from scipy import ndimage
 from skimage.morphology import convex_hull_image
 
-from scenefw.core.settings import COUNT, POSITIVE, SHARE
+from scenefw.core.settings import COUNT, POSITIVE
 from scenefw.perception.observation.components import EDGE, across_gaps, depth_parts
 from scenefw.perception.observation.obstacles import ObstacleRegion
 from scenefw.perception.observation.pixels import WIDTH, scaled
-from scenefw.perception.observation.points import MAJORITY
-from scenefw.perception.observation.raster import FloorRaster
+from scenefw.perception.observation.points import MAJORITY, STRAYS
+from scenefw.perception.observation.raster import GAP, FloorRaster
 from scenefw.perception.observation.walls import Wall, find_walls
 
 if TYPE_CHECKING:
@@ -28,10 +28,7 @@ if TYPE_CHECKING:
 
 _RASTER = FloorRaster()
 _GAP = 4  # pixels without depth across which surfaces go on, at a width of 640
-_TOP_QUANTILE = 0.99  # of heights: single pixels at edges fly
-_HOLES = 2  # cells by which walls of containers are closed
 _MAX_SLOPE = 0.85  # of the upward part of normals of a bin's walls: 32 degrees from level
-_MAX_BEYOND_RATIO = 0.02  # of the floor that may lie behind a wall
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +43,6 @@ class GeometricObstacles:
         max_size: of a thing on a table, along the floor (m).
         max_height: of things on a table, above its floor (m).
         wall_distance: points this close to a wall lie on it (m).
-        min_enclosed_ratio: of the area within the hull of a container, what isn't its rim.
         min_pixels: connected surfaces of fewer (of an image 640 wide) are none.
 
     Raises:
@@ -56,13 +52,11 @@ class GeometricObstacles:
     max_size: float
     max_height: float
     wall_distance: float
-    min_enclosed_ratio: float
     min_pixels: float
 
     def __post_init__(self) -> None:
         POSITIVE.require(max_size=self.max_size, max_height=self.max_height)
         POSITIVE.require(wall_distance=self.wall_distance)
-        SHARE.require(min_enclosed_ratio=self.min_enclosed_ratio)
         COUNT.require(min_pixels=self.min_pixels)
 
     def find(
@@ -106,17 +100,17 @@ class GeometricObstacles:
         return mask
 
     def _is_tall(self, points: Float64) -> bool:
-        return bool(np.quantile(points[:, 2], _TOP_QUANTILE) > self.max_height)
+        return bool(np.quantile(points[:, 2], 1 - STRAYS) > self.max_height)
 
     def _encloses(self, points: Float64) -> bool:
         """Whether a footprint is a ring about a floor, as seen from above."""
         if np.ptp(points[:, :2], axis=0).max() <= self.max_size or self._is_tall(points):
             return False
-        footprint = ndimage.binary_closing(_RASTER.count(points) > 0, iterations=_HOLES)
+        footprint = ndimage.binary_closing(_RASTER.count(points) > 0, iterations=GAP)
         if not footprint.any():  # farther away than the raster reaches
             return False
         hull = convex_hull_image(footprint)
-        return bool((hull & ~footprint).sum() > self.min_enclosed_ratio * hull.sum())
+        return bool((hull & ~footprint).sum() > MAJORITY * hull.sum())
 
     def _wall_mask(
         self, points: Float64, raised: Mask, floor: Mask, eye: Float64, *, in_bin: bool
@@ -132,7 +126,7 @@ class GeometricObstacles:
         for wall in walls:
             distance = wall.distance(places)
             mask |= np.abs(distance) < self.wall_distance
-            if np.mean(wall.distance(floor_places) < 0) < _MAX_BEYOND_RATIO:
+            if np.mean(wall.distance(floor_places) < 0) < STRAYS:
                 mask |= wall.beside(places) & (distance < 0)
         return mask & raised
 
@@ -141,6 +135,6 @@ def _is_side(wall: Wall, floor: Float64) -> bool:
     """Whether a wall ends the floor (N, 2), along much of its side."""
     along = floor @ np.array([-wall.normal[1], wall.normal[0]])
     return bool(
-        wall.length > MAJORITY * np.ptp(np.quantile(along, (0.02, 0.98)))
-        and np.mean(wall.distance(floor) < 0) < _MAX_BEYOND_RATIO
+        wall.length > MAJORITY * np.ptp(np.quantile(along, (STRAYS, 1 - STRAYS)))
+        and np.mean(wall.distance(floor) < 0) < STRAYS
     )

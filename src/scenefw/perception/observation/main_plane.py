@@ -12,12 +12,9 @@ import numpy as np
 
 from scenefw.core.floors import Floor
 from scenefw.core.types import Float64, Frame
+from scenefw.perception.observation.components import EDGE
 from scenefw.perception.observation.pixels import coarse_step
-from scenefw.perception.observation.points import world_points
-
-_INLIER_DISTANCE = 0.02  # m: noise of depth cameras at 2 m, and drift of poses
-_MIN_RELATIVE_SUPPORT = 0.9
-"""Fits of one plane in several frames differ by less, so that the first of them is taken."""
+from scenefw.perception.observation.points import MINORITY, world_points
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +34,7 @@ class WorldPlane:
 
     def inlier_ratio(self, points: Float64) -> float:
         """Of points (N, 3) of a frame."""
-        return float(np.mean(np.abs(points @ self.normal - self.level) < _INLIER_DISTANCE))
+        return float(np.mean(np.abs(points @ self.normal - self.level) < EDGE))
 
 
 def main_plane(planes: Sequence[WorldPlane]) -> WorldPlane:
@@ -48,5 +45,5 @@ def main_plane(planes: Sequence[WorldPlane]) -> WorldPlane:
     clouds = [world_points(f, coarse_step(f.depth.shape[1])).reshape(-1, 3) for f in frames]
     clouds = [points[~np.isnan(points[:, 2])] for points in clouds]
     supports = [sum(plane.inlier_ratio(points) for points in clouds) for plane in planes]
-    enough = _MIN_RELATIVE_SUPPORT * max(supports)
+    enough = (1 - MINORITY) * max(supports)  # fits of one plane in several frames differ by less
     return next(plane for plane, s in zip(planes, supports, strict=True) if s >= enough)

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 _REACH = 3  # pixels, of an image 640 wide
 _MAX_GRAZING_ANGLE = 15.0  # degrees between a ray and a ramp
 _MAX_FLOOR_ANGLE_RATIO = 0.7  # of the angle at which the camera looks onto the floor
+_MIN_RAMP_RATIO = 0.67  # of a part's pixels: sides of objects are steep, too
 _MAX_RAMP_WIDTH = 20  # pixels, of an image 640 wide
-_MIN_RAMP_SHARE = 2 / 3  # of a part's pixels
 
 
 def mixed_pixels(points: Float64, eye: Float64) -> Mask:
@@ -62,7 +62,7 @@ def mixed_pixels(points: Float64, eye: Float64) -> Mask:
 def without_ramps(parts: Int32, mixed: Mask) -> Int32:
     """Parts (H, W) but for those of whose pixels more than two thirds are mixed."""
     pixels = np.maximum(np.bincount(parts.ravel()), 1)
-    ramps = np.bincount(parts.ravel(), mixed.ravel()) > _MIN_RAMP_SHARE * pixels
+    ramps = np.bincount(parts.ravel(), mixed.ravel()) > _MIN_RAMP_RATIO * pixels
     return np.where(ramps[parts], 0, parts).astype(np.int32)
 
 

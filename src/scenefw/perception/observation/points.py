@@ -9,6 +9,27 @@ from scenefw.core.types import Camera, Frame
 MAJORITY = 0.5
 """Ratio of points, pixels or objects above which it is most of them."""
 
+MINORITY = 0.1
+"""Ratio of them below which it is few."""
+
+STRAYS = 0.02
+"""Ratio of them that may be anywhere, whatever the sensor: less says nothing."""
+
+MIN_POINTS = 20
+"""Fewer points say nothing about a surface."""
+
+SAMPLE = 2000
+"""So many points of a surface, evenly spread, say what all of them say."""
+
+DRAWS = 200
+"""So many random draws have, but for one time in 10^9, some of each tenth of all (0.9^200)."""
+
+REFINEMENTS = 8
+"""Fits of a plane, each to the points near the one before; most planes stay after two."""
+
+MIN_PARALLEL_COSINE = 0.94
+"""Of 20 degrees: directions that differ less are parallel, as far as measured normals tell."""
+
 
 def rays(camera: Camera, stride: int = 1) -> NDArray[np.float64]:
     """Points (H', W', 3), camera coordinates, at a depth of 1 of every `stride`-th pixel."""

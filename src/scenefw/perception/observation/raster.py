@@ -3,6 +3,12 @@
 import numpy as np
 from numpy.typing import NDArray
 
+CELL = 0.02
+"""m: side of a cell."""
+
+GAP = 2
+"""Cells: so far what nobody sees interrupts a surface, or an object reaches over its edge."""
+
 
 class FloorRaster:
     """Square cells on the floor around the z axis.
@@ -12,7 +18,7 @@ class FloorRaster:
         cell: side of a cell (m).
     """
 
-    def __init__(self, reach: float = 3.0, cell: float = 0.02) -> None:
+    def __init__(self, reach: float = 3.0, cell: float = CELL) -> None:
         self.reach = reach
         self.cell = cell
         self.side = round(2 * reach / cell)

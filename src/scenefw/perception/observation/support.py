@@ -9,7 +9,8 @@ from scipy import ndimage
 from skimage.morphology import convex_hull_image
 
 from scenefw.perception.observation.components import EDGE, depth_parts
-from scenefw.perception.observation.raster import FloorRaster
+from scenefw.perception.observation.points import MINORITY
+from scenefw.perception.observation.raster import GAP, FloorRaster
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -20,9 +21,7 @@ if TYPE_CHECKING:
 
 _RASTER = FloorRaster()
 _HOLES = 3  # cells: objects and their shadows cut the seen table
-_RIM = 2  # cells: objects may reach over the seen table
 _LOW = 3.0  # times the least height of objects: where an object may touch its floor
-_MIN_INSIDE_RATIO = 0.8  # of a component's cells that lie over the region
 
 
 def standing_pixels(
@@ -58,7 +57,7 @@ def standing_pixels(
     base = _cells_of_components(components, points, is_low | (raised & is_hidden[components]))
     stands = np.zeros(len(large), dtype=bool)
     while True:
-        rim = ndimage.maximum_filter(region, 2 * _RIM + 1)
+        rim = ndimage.maximum_filter(region, 2 * GAP + 1)
         size = region.sum()
         stands[base[0][rim.ravel()[base[1]]]] = True
         stands &= large
@@ -66,10 +65,10 @@ def standing_pixels(
         region |= _pieces_at(pieces, rim)
         if region.sum() == size:
             break
-    hull = ndimage.binary_dilation(convex_hull_image(region), iterations=_RIM)
+    hull = ndimage.binary_dilation(convex_hull_image(region), iterations=GAP)
     inside = np.bincount(footprint[0], hull.ravel()[footprint[1]], minlength=len(large))
     cells = np.bincount(footprint[0], minlength=len(large))
-    stands |= inside > _MIN_INSIDE_RATIO * cells
+    stands |= inside > (1 - MINORITY) * cells
     stands[0] = False
     mask: Mask = stands[components]
     return mask

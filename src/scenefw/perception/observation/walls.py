@@ -9,7 +9,15 @@ import numpy as np
 
 from scenefw.core import rng
 from scenefw.perception.observation.pixels import coarse_step
-from scenefw.perception.observation.points import MAJORITY
+from scenefw.perception.observation.points import (
+    DRAWS,
+    MAJORITY,
+    MIN_PARALLEL_COSINE,
+    MIN_POINTS,
+    REFINEMENTS,
+    SAMPLE,
+)
+from scenefw.perception.observation.raster import CELL, GAP
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -20,17 +28,10 @@ if TYPE_CHECKING:
 
     Mask = NDArray[np.bool_]
 
+_MAX_UPWARD = np.sqrt(1 - MIN_PARALLEL_COSINE**2)  # of normals of vertical surfaces
 _REACH = 4  # pixels of the thinned image, from a point to those that give its normal
 _MAX_GAP = 0.1  # m between points that give a normal
-_MAX_UPWARD = 0.35  # of the normals of vertical surfaces: 20 degrees
-_MIN_ALIGNMENT = 0.9  # of normals with a wall's
-_SCORED_POINTS = 2000
-_ITERATIONS = 200
 _MAX_WALLS = 8
-_MIN_POINTS = 20  # of a wall
-_REFINEMENTS = 4
-_CELL = 0.02  # m, along a wall
-_MAX_EMPTY_CELLS = 2  # between parts of one wall
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +60,7 @@ class Wall:
     def beside(self, places: Float64) -> Mask:
         """Which places (..., 2) lie between the wall's ends, before or behind it."""
         position = places @ np.array([-self.normal[1], self.normal[0]])
-        mask: Mask = (position > self.ends[0] - _CELL) & (position < self.ends[1] + _CELL)
+        mask: Mask = (position > self.ends[0] - CELL) & (position < self.ends[1] + CELL)
         return mask
 
 
@@ -84,17 +85,17 @@ def find_walls(
     normals = surface_normals(points)
     surfaces = raised & np.isfinite(normals[..., 0])
     vertical = surfaces & (np.abs(normals[..., 2]) < max_upward)
-    stride = max(1, int(vertical.sum()) // _SCORED_POINTS)
+    stride = max(1, int(vertical.sum()) // SAMPLE)
     places, directions = (a[vertical][::stride, :2] for a in (points, normals))
     directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
     random = rng.generator(0)
     for _ in range(_MAX_WALLS):
-        if len(places) < _MIN_POINTS:
+        if len(places) < MIN_POINTS:
             return
         normal, offset = _best_line(places, directions, distance, random)
-        for _ in range(_REFINEMENTS):
+        for _ in range(REFINEMENTS):
             inliers = _on_line(places, directions, normal, offset, distance)
-            if inliers.sum() < _MIN_POINTS:
+            if inliers.sum() < MIN_POINTS:
                 return
             centre = places[inliers].mean(axis=0)
             normal = np.linalg.svd(places[inliers] - centre, full_matrices=False)[2][-1]
@@ -136,11 +137,11 @@ def surface_normals(points: Float64) -> Float64:
 def _best_line(
     places: Float64, directions: Float64, distance: float, random: np.random.Generator
 ) -> tuple[Float64, float]:
-    chosen = random.integers(len(places), size=_ITERATIONS)
+    chosen = random.integers(len(places), size=DRAWS)
     normals = directions[chosen]
     offsets = np.einsum("ij,ij->i", normals, places[chosen])
     near = np.abs(normals @ places.T - offsets[:, None]) < distance
-    aligned = np.abs(normals @ directions.T) > _MIN_ALIGNMENT
+    aligned = np.abs(normals @ directions.T) > MIN_PARALLEL_COSINE
     best = int((near & aligned).sum(axis=1).argmax())
     return normals[best], float(offsets[best])
 
@@ -148,20 +149,20 @@ def _best_line(
 def _on_line(
     places: Float64, directions: Float64, normal: Float64, offset: float, distance: float
 ) -> Mask:
-    mask: Mask = np.abs(directions @ normal) > _MIN_ALIGNMENT
+    mask: Mask = np.abs(directions @ normal) > MIN_PARALLEL_COSINE
     return mask & (np.abs(places @ normal - offset) < distance)
 
 
 def _aligned(normals: Float64, wall_normal: Float64, max_upward: float) -> Mask:
     """Which normals (N, 3) a wall may have."""
     horizontal = np.linalg.norm(normals[:, :2], axis=1)
-    mask: Mask = np.abs(normals[:, :2] @ wall_normal) > _MIN_ALIGNMENT * horizontal
+    mask: Mask = np.abs(normals[:, :2] @ wall_normal) > MIN_PARALLEL_COSINE * horizontal
     return mask & (np.abs(normals[:, 2]) < max_upward)
 
 
 def _longest_run(along: Float64) -> tuple[float, float]:
     """Where the longest part of a line without a gap begins and ends (m)."""
-    cells = np.unique(np.floor(along / _CELL))
-    runs = np.split(cells, np.flatnonzero(np.diff(cells) > _MAX_EMPTY_CELLS + 1) + 1)
+    cells = np.unique(np.floor(along / CELL))
+    runs = np.split(cells, np.flatnonzero(np.diff(cells) > GAP + 1) + 1)
     run = max(runs, key=len)
-    return float(run[0] * _CELL), float((run[-1] + 1) * _CELL)
+    return float(run[0] * CELL), float((run[-1] + 1) * CELL)

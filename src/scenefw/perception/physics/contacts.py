@@ -9,15 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from scenefw.perception.evidence.mesh_distances import MeshDistances, distances_to
+from scenefw.perception.observation.points import SAMPLE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from scenefw.core.types import Float64, ObjectEstimate
 
-_SAMPLES = 20  # points along each side of the box that two objects share
-_COLUMNS = 24  # places along each side of the footprint of an object
-_CORNERS = 3000  # vertices of an object that are places too, at most
+_SAMPLES = 20  # points along each side of a box that two objects share, or of a footprint
 TOLERANCE = 0.005
 """Metres: objects that touch may run into each other, or hover, by this much."""
 
@@ -136,11 +135,11 @@ def shared_places(first: MeshDistances, second: MeshDistances) -> Float64:
     """Places (N, 2) of the floor under both: a lattice, and below their vertices."""
     low = np.maximum(first.low, second.low)[:2]
     high = np.minimum(first.high, second.high)[:2]
-    axes = [np.linspace(a, b, _COLUMNS) for a, b in zip(low, high, strict=True)]
+    axes = [np.linspace(a, b, _SAMPLES) for a, b in zip(low, high, strict=True)]
     lattice = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
     corners = []
     for solid in (first, second):
-        vertices = solid.vertices[:: len(solid.vertices) // _CORNERS + 1, :2]
+        vertices = solid.vertices[:: len(solid.vertices) // SAMPLE + 1, :2]
         corners.append(vertices[((vertices >= low) & (vertices <= high)).all(axis=1)])
     return np.concatenate([lattice, *corners])
 

@@ -12,6 +12,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from scenefw.core.weak_cache import cached_by_identity
 from scenefw.perception.evidence.mesh_distances import MeshDistances, distances_to
+from scenefw.perception.observation.points import MAJORITY
 from scenefw.perception.physics.contacts import TOLERANCE, shared_places
 from scenefw.shapes.moments import moments
 
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 FLOOR = 0
 """Stands for the floor among ids of objects."""
 
-_MAX_PIERCED = 0.5
 """What rises into more than half of a thing's height stands beside it, and doesn't carry it."""
 
 
@@ -144,7 +144,7 @@ def _touching(upper: MeshDistances, lower: MeshDistances) -> Float64:
     if not len(places):
         return places
     is_below = lower.lowest(places) < bottom - TOLERANCE
-    carries = rest - bottom < _MAX_PIERCED * (upper.highest(places) - bottom)
+    carries = rest - bottom < MAJORITY * (upper.highest(places) - bottom)
     return np.asarray(places[is_below & carries])
 
 

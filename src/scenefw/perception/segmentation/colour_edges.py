@@ -11,8 +11,9 @@ from skimage.color import rgb2lab
 from skimage.filters import sobel
 from skimage.segmentation import watershed
 
-from scenefw.core.settings import COUNT, at_least, below
+from scenefw.core.settings import COUNT, at_least
 from scenefw.perception.observation.pixels import WIDTH
+from scenefw.perception.observation.points import MAJORITY
 from scenefw.perception.segmentation.ramp_width import ramp_width
 
 if TYPE_CHECKING:
@@ -35,8 +36,6 @@ class ColourEdges:
     match no windows, and those without colour stay as they are.
 
     Args:
-        core_ratio: of the depth of a part in pixels, the share that lies outside of its core at
-            most, so that small parts have one.
         min_width: pixels from an edge to the end of its ramp, at least.
         max_width: the same, at most; both of an image 640 wide.
 
@@ -45,12 +44,10 @@ class ColourEdges:
             or a narrowest ramp that is wider than the widest.
     """
 
-    core_ratio: float = 0.6
     min_width: float = 2.0
     max_width: float = 12.0
 
     def __post_init__(self) -> None:
-        below(1).require(core_ratio=self.core_ratio)
         COUNT.require(min_width=self.min_width, max_width=self.max_width)
         at_least(self.min_width).require(max_width=self.max_width)
 
@@ -81,9 +78,7 @@ class ColourEdges:
                 window = _padded_box(box)
                 part_mask = parts[window] == label
                 depths = distance_transform_edt(part_mask)
-                cores[window][part_mask & (depths > min(width, self.core_ratio * depths.max()))] = (
-                    label
-                )
+                cores[window][part_mask & (depths > min(width, MAJORITY * depths.max()))] = label
         labels = watershed(colour_gradient(colour), cores)
         return np.where(labels == outside, 0, labels).astype(np.int32)
 

@@ -10,13 +10,12 @@ import numpy as np
 from scenefw.core.settings import NOT_NEGATIVE, POSITIVE
 from scenefw.perception.observation.components import depth_parts
 from scenefw.perception.observation.pixels import WIDTH, scaled
+from scenefw.perception.observation.points import STRAYS
 from scenefw.perception.segmentation.regions import concave_creases, grown, large_parts
 
 if TYPE_CHECKING:
     from scenefw.core.types import Float64, Int32
     from scenefw.perception.observation.observation import Observation
-
-_TOP_QUANTILE = 0.95  # share of a part below its top, against single pixels
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,8 +73,7 @@ def high_parts(parts: Int32, heights: Float64, min_height: float | Float64) -> I
     """Parts (H, W) that rise above `min_height` (m, of all pixels or each), numbered from 1 on."""
     clearance = heights - min_height
     tops = [
-        np.quantile(clearance[parts == k], _TOP_QUANTILE)
-        for k in range(1, parts.max(initial=0) + 1)
+        np.quantile(clearance[parts == k], 1 - STRAYS) for k in range(1, parts.max(initial=0) + 1)
     ]
     keep_mask = np.array([False, *(top > 0 for top in tops)])
     return (np.cumsum(keep_mask) * keep_mask)[parts].astype(np.int32)

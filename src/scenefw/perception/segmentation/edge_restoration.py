@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import distance_transform_edt, find_objects
 
-from scenefw.core.settings import COUNT, POSITIVE, at_least
+from scenefw.core.settings import COUNT, at_least
 from scenefw.kernels.cameras import floor_depths, stack_cameras
-from scenefw.perception.observation.components import MAX_STEP, NEIGHBOURS, NOISE
+from scenefw.perception.observation.components import EDGE, MAX_STEP, NEIGHBOURS, NOISE
 from scenefw.perception.observation.pixels import WIDTH
 from scenefw.perception.segmentation.ramp_width import ramp_width
 
@@ -31,8 +31,8 @@ class EdgeRestoration:
     behind; the edge is in the middle of the ramp. A network says where objects end. How wide ramps
     are is seen on the floor, whose heights are known: beside objects it seems to rise. If it does,
     over `min_width` pixels or more, pixels of an object that are so close to its end continue the
-    object's surface, and those of the floor lie on it. This is done where depth then jumps by
-    `min_step`: where two parts touch, or a part stands on the floor, nothing was blurred.
+    object's surface, and those of the floor lie on it. This is done where depth then jumps:
+    where two parts touch, or a part stands on the floor, nothing was blurred.
 
     Images without correlated noise, and images without ramps, stay as they are. Parts are those of
     the image as it was: of what is restored, ends of ramps would be parts of their own.
@@ -41,7 +41,6 @@ class EdgeRestoration:
         mapping: makes the partial TSDF of what is restored.
         min_width: pixels from an edge to the end of its ramp, at least.
         max_width: the same, at most; both of an image 640 wide.
-        min_step: by which depth differs between the two sides of an edge, at least (m).
         colour: moves ends of parts to edges of the colour image first, where there is one; None:
             they stay in the middle of ramps. Masks that come with the view are not moved.
 
@@ -52,12 +51,10 @@ class EdgeRestoration:
     mapping: MappingMethod
     min_width: float = 2.0
     max_width: float = 12.0
-    min_step: float = 0.02
     colour: ColourEdges | None = None
 
     def __post_init__(self) -> None:
         COUNT.require(min_width=self.min_width, max_width=self.max_width)
-        POSITIVE.require(min_step=self.min_step)
         at_least(self.min_width).require(max_width=self.max_width)
 
     def restore(self, view: Observation, parts: Int32) -> tuple[Observation, Int32]:
@@ -80,7 +77,7 @@ class EdgeRestoration:
         on_floor = (distance > 0) & (distance <= width + 1)
         on_floor &= (view.heights > NOISE) & (view.heights < view.eye[2])  # its ray goes down
         depth = np.where(on_floor, floor_depths(stack_cameras([camera]))[0].numpy(), depth)
-        beside_jump = distances(jumps(depth, parts, self.min_step)) <= width + 1
+        beside_jump = distances(jumps(depth, parts, EDGE)) <= width + 1
         return view.restored(np.where(beside_jump, depth, view.depth), self.mapping), parts
 
 

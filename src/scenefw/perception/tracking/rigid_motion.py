@@ -10,6 +10,7 @@ import numpy as np
 from scenefw.core import geometry, rng
 from scenefw.matching.assignment import Assignment
 from scenefw.perception.evidence.mesh_distances import distances_to
+from scenefw.perception.observation.points import SAMPLE
 from scenefw.shapes.equal_descriptions import equal_descriptions
 from scenefw.shapes.moments import moments
 
@@ -21,8 +22,7 @@ if TYPE_CHECKING:
 MIN_IOU = 0.5
 """IoU above which two solids are taken for the same object, as in panoptic quality (Kirillov et al.
 2019)."""
-_SAMPLES = 1000  # places in a solid that say how much of it another one fills
-_EQUAL_IOU = 1 / np.sqrt(_SAMPLES)  # two standard deviations of such a share, if it is a half
+_EQUAL_IOU = 1 / np.sqrt(SAMPLE)  # two standard deviations of such a share, if it is a half
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ def rigid_motion(before: ObjectEstimate, after: ObjectEstimate) -> Motion:
     centre, motions = before.pose.position, []
     for matrix in _candidates(before, after):
         inside = solid.inside(geometry.transform_points(geometry.inverse(matrix), places))
-        shared = volumes[1] * np.count_nonzero(inside) / _SAMPLES
+        shared = volumes[1] * np.count_nonzero(inside) / SAMPLE
         shift = np.linalg.norm(geometry.transform_points(matrix, centre[None])[0] - centre)
         motions.append(Motion(matrix, shared / max(sum(volumes) - shared, shared), float(shift)))
         if motions[0].iou > 1 - _EQUAL_IOU:
@@ -116,12 +116,12 @@ def _places_in(mesh: TriangleMesh) -> Float64:
     random, solid = rng.generator(0), distances_to(mesh)
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
     places = np.zeros((0, 3))
-    for _ in range(_SAMPLES):  # of a solid that fills a thousandth of its box, too
-        box = random.uniform(low, high, (_SAMPLES, 3))
+    for _ in range(SAMPLE):  # of a solid that fills a thousandth of its box, too
+        box = random.uniform(low, high, (SAMPLE, 3))
         places = np.concatenate([places, box[solid.inside(box)]])
-        if len(places) >= _SAMPLES:
+        if len(places) >= SAMPLE:
             break
-    return places[:_SAMPLES]
+    return places[:SAMPLE]
 
 
 _EQUAL_AXES = equal_descriptions().numpy().astype(np.float64)

@@ -20,9 +20,7 @@ from scenefw.perception.steps import Objects
 
 def sampled(objects, view, samples=1, seed=0, tolerances=TOLERANCES, shape_fit=None, **settings):
     """Hypotheses of objects and a view."""
-    fit = (
-        object_fit() if shape_fit is None else ObjectFit(shape_fit, EvidenceGathering(), 20, 0.015)
-    )
+    fit = object_fit() if shape_fit is None else ObjectFit(shape_fit, EvidenceGathering(), 0.015)
     method = FitSampling(SuperquadricFit(), tolerances, **settings)
     generator = torch.Generator().manual_seed(seed)
     return method.complete(fit.fit(objects, view), view, samples, generator)

@@ -38,11 +38,11 @@ def distance(points, box):
 @pytest.mark.parametrize("label", [1, 2])
 def test_points_lie_on_the_object_and_places_outside_of_it(resolution, label):
     (objects, geometry), box = scene_of(resolution), STACK[label - 1]
-    gathered = EvidenceGathering(visible_points=100, hidden_points=80, outside_points=50)
+    gathered = EvidenceGathering(surface_points=100, outside_points=50)
     found = gathered.of(label, objects, geometry)
     seen = found.sigmas == gathered.visible_sigma
     assert 0 < seen.sum() <= 100
-    assert 0 < (~seen).sum() <= 80
+    assert 0 < (~seen).sum() <= 100
     assert np.abs(distance(found.points[seen], box)).max() < 1e-5
     assert np.abs(distance(found.points[~seen], box)).max() < 1.5 * geometry.grid.voxel_size
     assert found.points[~seen, 1].mean() > found.points[seen, 1].mean() + 0.03  # it is behind
@@ -85,17 +85,8 @@ def test_an_object_without_a_volume_has_no_hints():
     assert (flat.sigmas == gathered.visible_sigma).all()
 
 
-def test_without_hints_their_certainty_does_not_matter():
-    objects, geometry = scene_of(32)
-    gathered = EvidenceGathering(hidden_points=0, hidden_sigma=0.001)
-    found, usual = gathered.of(1, objects, geometry), EvidenceGathering().of(1, objects, geometry)
-    visible = usual.sigmas == EvidenceGathering().visible_sigma
-    assert not visible.all()
-    np.testing.assert_array_equal(found.points, usual.points[visible])
-
-
 @pytest.mark.parametrize(
-    "wrong", [{"visible_sigma": 0}, {"hidden_points": -1}, {"outside_sigma": -1}]
+    "wrong", [{"visible_sigma": 0}, {"surface_points": 0}, {"outside_sigma": -1}]
 )
 def test_wrong_numbers_are_refused(wrong):
     with pytest.raises(ConfigError, match=f"^{next(iter(wrong))} = "):
@@ -104,7 +95,7 @@ def test_wrong_numbers_are_refused(wrong):
 
 def test_what_is_seen_is_more_certain():
     with pytest.raises(ConfigError, match="more certain"):
-        EvidenceGathering(visible_sigma=0.1, hidden_sigma=0.05, hidden_points=1)
+        EvidenceGathering(visible_sigma=0.1, hidden_sigma=0.05)
 
 
 @pytest.mark.parametrize("width", [320, 640])
@@ -120,7 +111,7 @@ def test_pixels_beside_another_object_are_left_out(width):
     objects = Objects(masks, empty, empty.astype(np.int32))
     geometry = JointGeometry(points, GridSpec(resolution=8), empty > 0)
     reach = 4 * width // 640
-    own = EvidenceGathering(visible_points=10**6, border_pixels=4)
+    own = EvidenceGathering(surface_points=10**6, border_pixels=4)
     found = {k: own.of(k, objects, geometry).points for k in (1, 2, 3, 4)}
     columns = {k: np.rint(1e3 * points[:, 0]) for k, points in found.items()}
     assert columns[1].min() == 20  # nothing beside it there
@@ -128,8 +119,8 @@ def test_pixels_beside_another_object_are_left_out(width):
     assert columns[2].min() == 60 + reach
     assert set(columns[3]) == {20, 21}  # thinner than the border
     assert columns[4].min() == 22 + reach
-    everything = EvidenceGathering(visible_points=10**6)
-    assert len(everything.of(1, objects, geometry).points) == 1600
+    for segments in (own.of_segments, EvidenceGathering(surface_points=10**6, border_pixels=0)):
+        assert len(segments.of(1, objects, geometry).points) == 1600
 
 
 def test_a_negative_border_is_told():
@@ -140,10 +131,11 @@ def test_a_negative_border_is_told():
 def test_places_that_rays_pass_are_outside_if_the_camera_is_known():
     (objects, geometry), box = scene_of(64), STACK[0]
     known = replace(geometry, eye=np.array([0.0, -0.85, 0.6]))
-    gathered, plain = EvidenceGathering(passing_points=100), EvidenceGathering()
+    gathered, plain = (EvidenceGathering(passing_points=n) for n in (100, 0))
     before = len(plain.of(1, objects, known).outside)
     blind = gathered.of(1, objects, geometry)  # nobody knows where the camera is
     assert len(blind.outside) == before
+    assert len(gathered.of_segments.of(1, objects, known).outside) == before
     more = gathered.of(1, objects, known).outside[before:]
     assert 50 < len(more) <= 100
     assert distance(more, box).min() > 0

@@ -18,8 +18,7 @@ IN_FRONT = Box((-0.05, -0.16, 0.0), (0.05, -0.08, 0.2))
 
 
 def merging(**changes):
-    evidence = EvidenceGathering(visible_points=200, hidden_points=0, outside_points=100)
-    return FitMerging(SegmentFits(SuperquadricFit(), evidence), **changes)
+    return FitMerging(SegmentFits(SuperquadricFit(), EvidenceGathering()), **changes)
 
 
 def seen(boxes, resolution=48):

@@ -11,7 +11,7 @@ from scenefw.perception.evidence.gathering import EvidenceGathering
 from scenefw.perception.grouping.segment_fits import SegmentFits
 from scenefw.perception.steps import Objects
 
-EVIDENCE = EvidenceGathering(visible_points=60, hidden_points=0, outside_points=30)
+EVIDENCE = EvidenceGathering(surface_points=60, outside_points=30).of_segments
 
 
 class Counted:

@@ -12,9 +12,7 @@ from scenefw.perception.multiview.reassignment import ResidualReassignment
 
 
 def dealt(**settings):
-    return ResidualReassignment(
-        SegmentFits(SuperquadricFit(), EvidenceGathering(hidden_points=0)), **settings
-    )
+    return ResidualReassignment(SegmentFits(SuperquadricFit(), EvidenceGathering()), **settings)
 
 
 @pytest.fixture(scope="module")

@@ -79,7 +79,7 @@ def two_boxes():
 
 
 def fits():
-    return SegmentFits(SuperquadricFit(), EvidenceGathering(hidden_points=1))
+    return SegmentFits(SuperquadricFit(), EvidenceGathering())
 
 
 def views_grouping(reassign=None):

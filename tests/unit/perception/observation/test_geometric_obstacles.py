@@ -78,9 +78,7 @@ def test_a_container_is_an_obstacle_and_its_contents_are_not(height, size):
 
 def test_numbers_that_no_obstacle_has():
     with pytest.raises(ConfigError, match="max_size"):
-        GeometricObstacles(0.0, 0.4, 0.015, 0.5, 60)
-    with pytest.raises(ConfigError, match="min_enclosed_ratio"):
-        GeometricObstacles(0.45, 0.4, 0.015, 1.5, 60)
+        GeometricObstacles(0.0, 0.4, 0.015, 60)
 
 
 @pytest.mark.parametrize("size", [(160, 120), (640, 480)])

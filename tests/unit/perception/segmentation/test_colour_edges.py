@@ -121,8 +121,6 @@ def test_without_colour_or_ramps_parts_stay():
 
 
 def test_bad_settings():
-    with pytest.raises(ConfigError, match=r"^core_ratio = 1"):
-        ColourEdges(core_ratio=1)
     with pytest.raises(ConfigError, match=r"^min_width = 0"):
         ColourEdges(min_width=0)
     with pytest.raises(ConfigError, match=r"^max_width = 2"):

@@ -211,8 +211,6 @@ def test_bad_settings_and_no_images():
         EdgeRestoration(Projective(), min_width=0)
     with pytest.raises(ConfigError, match=r"^max_width = 2"):
         EdgeRestoration(Projective(), min_width=3, max_width=2)
-    with pytest.raises(ConfigError, match=r"^min_step = 0"):
-        EdgeRestoration(Projective(), min_step=0)
     sharp, _, _ = seen(SIZES[0], 6)
     volume = torch.ones(1, 1, *GRID.shape)
     bare = Observation.of_partial(PartialTSDF(volume, volume > 0), GRID)

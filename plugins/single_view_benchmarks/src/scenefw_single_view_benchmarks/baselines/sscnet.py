@@ -18,7 +18,7 @@ class SSCNet(DirectCompletion):
 
     As in the thesis, the last layer gives a TSDF instead of classes, convolutions are padded, the
     pooling is left out, and one upsampling makes up for the stride of the first layer. It predicts
-    no votes: find instances with `postprocessing=connected_components`.
+    no votes: find instances as connected components.
 
     Args:
         resolution: voxels per side, even.
