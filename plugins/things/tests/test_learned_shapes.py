@@ -11,7 +11,8 @@ from tests.unit.perception.observations import observation_of
 from tests.unit.perception.synthetic import Box, camera_at, frame_of
 
 from scenefw.core.errors import ConfigError
-from scenefw.core.types import GridSpec
+from scenefw.core.evidence import FittedSuperquadric
+from scenefw.core.types import GridSpec, Pose
 from scenefw.kernels.cameras import camera_of
 from scenefw.perception.estimate.assembly import SceneAssembly
 from scenefw.perception.observation.obstacles import ObstacleRegion
@@ -85,14 +86,12 @@ def view_of(boxes=BOXES, size=(320, 240), noise=0.0):
     return observation_of(frame, GRID), frame.labels
 
 
-def completed(boxes=BOXES, samples=1, rest=None, keep_explained=False, size=(320, 240), noise=0.0,
-              shown=None, min_pixels=60, **settings):  # fmt: skip
+def completed(boxes=BOXES, samples=1, rest=None, size=(320, 240), noise=0.0, shown=None,
+              min_pixels=60, **settings):  # fmt: skip
     view, labels = view_of(shown or boxes, size, noise)
     model = TrueShells(boxes, **settings)
     checkpoint = SimpleNamespace(model=model, metadata={"date": "today"})
-    method = LearnedShapes(
-        checkpoint, rest or Nothing(), 96, 1.8, 0.14, min_pixels, keep_explained=keep_explained
-    )
+    method = LearnedShapes(checkpoint, rest or Nothing(), 96, 1.8, 0.14, min_pixels)
     shape = GRID.shape
     rough = Objects(labels, np.full(shape, GRID.truncation, np.float32), np.zeros(shape, np.int32))
     evidence = dict.fromkeys((1, 2, 3), "evidence")
@@ -142,8 +141,7 @@ def test_nothing_lies_before_what_was_measured():
     )
     view, labels = view_of(BOXES[:2])
     model = TrueShells(boxes, -0.05)
-    method = LearnedShapes(SimpleNamespace(model=model, metadata={}), Nothing(), 96, 1.8, 0.14, 60,
-                           keep_explained=False)  # fmt: skip
+    method = LearnedShapes(SimpleNamespace(model=model, metadata={}), Nothing(), 96, 1.8, 0.14, 60)
     (hypothesis,) = method.complete(Fits(Objects(labels)), view, 1, torch.Generator())
     for label, shell in hypothesis.shells.items():
         measured = model.crops.depth[label - 1].double().numpy()
@@ -165,25 +163,49 @@ def test_the_first_hypothesis_is_the_best_guess_and_others_follow_their_codes():
     np.testing.assert_array_equal(again[2].shells[1].depths, sets[2].shells[1].depths)
 
 
-def test_what_a_superquadric_explains_can_keep_it():
+def test_superquadrics_stay_beside_shells():
     rest = Nothing(explained=(2, 3))
-    (hypothesis,), _, _ = completed(BOXES[:1], rest=rest, keep_explained=True, shown=BOXES)
-    assert set(hypothesis.shells) == {1}
-    assert set(hypothesis.superquadrics) == {2, 3}
+    sets, _, _ = completed(samples=2, rest=rest)
+    assert [set(s.shells) for s in sets] == [{1, 2, 3}] * 2
+    assert [set(s.superquadrics) for s in sets] == [{2, 3}] * 2
     assert set(rest.fits.evidence) == {1, 2, 3}
-    (hypothesis,), _, _ = completed(rest=rest)
-    assert set(hypothesis.shells) == {1, 2, 3}
-    assert not hypothesis.superquadrics
-    assert not rest.fits.evidence
-    assert not rest.fits.superquadrics
 
 
-def test_without_objects_for_shells_sets_stay_as_they_are():
-    rest = Nothing(explained=(1, 2, 3))
-    sets, _, model = completed((), samples=3, rest=rest, keep_explained=True, shown=BOXES)
-    assert len(sets) == 3
-    assert all(not s.shells and set(s.superquadrics) == {1, 2, 3} for s in sets)
-    assert model.codes is None  # the network isn't asked
+class Hulls:
+    """Stands in for a calibration: more is to be expected of hulls, or of superquadrics."""
+
+    names = ("hull",)
+
+    def __init__(self, of_hulls):
+        self.of_hulls = of_hulls
+
+    def __call__(self, numbers):
+        (hull,) = numbers[0]
+        return [self.of_hulls if hull else 0.5]
+
+
+@pytest.mark.parametrize(("of_hulls", "placed"), [(0.9, False), (0.1, True)])
+def test_the_shape_of_which_more_is_to_be_expected_is_the_objects(of_hulls, placed):
+    """Superquadrics reach 4 cm beyond the boxes; shells end with them."""
+    sets, view, _ = completed(BOXES[:2], samples=2)
+    large = {label: superquadric(box, 0.04) for label, box in enumerate(BOXES[:2], start=1)}
+    sets = [replace(hypothesis, superquadrics=large) for hypothesis in sets]
+    for scene in SceneAssembly(Hulls(of_hulls), carve=False).assemble(sets, view, {}):
+        for item, box in zip(scene.objects, BOXES[:2], strict=True):
+            assert (item.placed is not None) == placed
+            assert item.confidence == (0.5 if placed else 0.9)
+            size = np.ptp(item.mesh.vertices, axis=0)[:2] - np.subtract(box.upper, box.lower)[:2]
+            np.testing.assert_allclose(size, 0.08 if placed else 0.0, atol=0.012)
+            inside = scene.grid.centres()[scene.instances == item.id]
+            width = np.ptp(inside, axis=0)[:2] - np.subtract(box.upper, box.lower)[:2]
+            np.testing.assert_allclose(width, 0.08 if placed else 0.0, atol=0.03)
+
+
+def superquadric(box, wider):
+    lower, upper = np.array(box.lower), np.array(box.upper)
+    half_axes = (upper - lower) / 2 + (wider, wider, 0)
+    pose = Pose((lower + upper) / 2, np.array([1.0, 0, 0, 0]))
+    return FittedSuperquadric(half_axes, np.full(3, 50.0), pose, 0.0, np.empty(0))
 
 
 def test_the_network_sees_colour_and_obstacles():
@@ -197,8 +219,7 @@ def test_the_network_sees_colour_and_obstacles():
         workspace=SimpleNamespace(obstacles=[ObstacleRegion("wall", wall)]),
     )
     model = TrueShells(BOXES[:2])
-    method = LearnedShapes(SimpleNamespace(model=model, metadata={}), Nothing(), 96, 1.8, 0.14, 60,
-                           keep_explained=False)  # fmt: skip
+    method = LearnedShapes(SimpleNamespace(model=model, metadata={}), Nothing(), 96, 1.8, 0.14, 60)
     masks = np.where(wall, 0, labels).astype(np.int32)
     method.complete(Fits(Objects(masks)), view, 1, torch.Generator())
     crops = model.crops
@@ -212,16 +233,18 @@ def test_the_network_sees_colour_and_obstacles():
 
 def test_what_is_hardly_visible_is_completed_by_other_means():
     rest = Nothing(explained=(1, 2, 3))
-    (hypothesis,), _, _ = completed(rest=rest, min_pixels=10**5)
+    (hypothesis,), _, model = completed(rest=rest, min_pixels=10**5)
     assert not hypothesis.shells
+    assert model.codes is None  # the network isn't asked
     assert set(hypothesis.superquadrics) == set(rest.fits.evidence) == {1, 2, 3}
 
 
 def test_several_views_are_left_to_other_means():
     view, labels = view_of()
     rest = Nothing()
-    method = LearnedShapes(SimpleNamespace(model=TrueShells(BOXES), metadata={}), rest, 96, 1.8,
-                           0.14, 60, keep_explained=False)  # fmt: skip
+    method = LearnedShapes(
+        SimpleNamespace(model=TrueShells(BOXES), metadata={}), rest, 96, 1.8, 0.14, 60
+    )
     fits = Fits(Objects(labels))
     (hypothesis,) = method.complete(fits, Views((view,)), 1, torch.Generator())
     assert not hypothesis.shells
@@ -233,4 +256,4 @@ def test_numbers_out_of_range_are_refused():
     good = {"resolution": 96, "margin": 1.8, "min_width": 0.14, "min_pixels": 60}
     for name, value in {"resolution": 0, "margin": 0.5, "min_width": 0.0, "min_pixels": 0}.items():
         with pytest.raises(ConfigError, match=name):
-            LearnedShapes(checkpoint, Nothing(), **{**good, name: value}, keep_explained=True)
+            LearnedShapes(checkpoint, Nothing(), **{**good, name: value})

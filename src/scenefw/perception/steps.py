@@ -81,7 +81,7 @@ class ObjectSet:
         superquadrics: by label; None: volumes stay as they are.
         vessels: by label.
         evidence: about objects of which enough is visible, by label.
-        shells: in place of any other shape, by label.
+        shells: other shapes of objects, by label; the assembly takes the more probable one.
     """
 
     objects: Objects

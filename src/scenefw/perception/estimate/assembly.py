@@ -10,11 +10,11 @@ import torch
 from scenefw.core.types import SceneEstimate
 from scenefw.matching.instances import renumbered_like
 from scenefw.perception.estimate.carving import carve, whole_objects
-from scenefw.perception.estimate.composition import composed, exact_meshes
+from scenefw.perception.estimate.composition import composed, shell_meshes
 from scenefw.perception.estimate.marked_objects import called, marked_solids
 from scenefw.perception.estimate.mask_cleanup import with_bottoms, without_holes
 from scenefw.perception.estimate.objects import estimate_objects
-from scenefw.perception.estimate.plausibility import plausible
+from scenefw.perception.estimate.plausibility import plausible, with_meshes
 from scenefw.perception.estimate.shape_cues import shape_cues
 from scenefw.perception.evidence.visible_instances import visible_instances
 from scenefw.perception.observation.image_turns import turned, turned_pixels
@@ -65,7 +65,8 @@ class SceneAssembly:
         """The scene of each hypothesis; an object has the same id in all of them.
 
         Its confidence is the IoU with the truth to expect; without a calibration, how much the
-        other hypotheses agree.
+        other hypotheses agree. In all hypotheses an object has its shell where more IoU is to be
+        expected of that in the first one.
 
         Args:
             sets: the most typical one first.
@@ -75,8 +76,13 @@ class SceneAssembly:
         partial = view.partial if self.carve else None
         volumes = self.volumes(sets, view)
         marks = marked_solids(view) if volumes[0].masks is not None else {}
-        solids = [{**marks, **exact_meshes(s, v)} for s, v in zip(sets, volumes, strict=True)]
+        shells = [shell_meshes(hypothesis) for hypothesis in sets]
+        solids = [
+            {**marks, **_placed_meshes(scene), **meshes} if meshes else marks
+            for scene, meshes in zip(volumes, shells, strict=True)
+        ]
         lasting = {label for meshes in solids for label in meshes}
+        chosen: set[int] = set()
         scenes = [cleaned(scene, view.grid, partial, lasting) for scene in volumes]
         if not lasting:
             first = scenes[0].instances[0].cpu().numpy()
@@ -91,13 +97,38 @@ class SceneAssembly:
             estimate = scene_estimate(
                 scene, view.grid, frame, agreement, _details(view, origin), solids[number]
             )
-            if self.carve:
-                estimate = plausible(estimate, view)
-            estimate = replace(estimate, obstacles=obstacles)
-            if view.image is not None:
-                estimate = with_confidence(estimate, view, agreement, self.calibration)
+            usual = self._judged(estimate, view, agreement)
+            if number == 0 and shells[0]:
+                other = self._judged(with_meshes(estimate, shells[0]), view, agreement)
+                chosen = _more_probable(other, usual) & shells[0].keys()
+            meshes = {label: mesh for label, mesh in shells[number].items() if label in chosen}
+            if meshes:
+                usual = self._judged(with_meshes(estimate, meshes), view, agreement)
+            estimate = replace(usual, obstacles=obstacles)
             estimate = _turned_back(estimate, view.turns)
             yield called(estimate, view.ids) if marks else estimate
+
+    def _judged(
+        self, estimate: SceneEstimate, view: Observation, agreement: Mapping[int, float]
+    ) -> SceneEstimate:
+        """The scene without what contradicts the image, and how sure each object is."""
+        if self.carve:
+            estimate = plausible(estimate, view)
+        if view.image is None:
+            return estimate
+        return with_confidence(estimate, view, agreement, self.calibration)
+
+
+def _placed_meshes(scene: Completion) -> dict[int, TriangleMesh]:
+    """Meshes of shapes, by label, some of which are too thin for voxels."""
+    placed = scene.placed[0] if scene.placed else {}
+    return {label: item.mesh() for label, item in placed.items()}
+
+
+def _more_probable(other: SceneEstimate, usual: SceneEstimate) -> set[int]:
+    """Ids of objects of which more overlap is to be expected in another scene."""
+    confidences = {item.id: item.confidence for item in usual.objects}
+    return {item.id for item in other.objects if item.confidence > confidences.get(item.id, 0.0)}
 
 
 def with_confidence(

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from scenefw.fitting.vessels import FittedVessel
     from scenefw.perception.observation.views import View
     from scenefw.perception.steps import Objects, ObjectSet
-    from scenefw.shapes.object_shell import ObjectShell
 
 _MIN_VOXEL = 0.002  # m: of meshes of shells; finer ones show the noise of depth cameras alone
 _REACH = 4  # voxels around rough volumes whose distances stay too
@@ -45,12 +44,7 @@ def composed(hypothesis: ObjectSet, view: View) -> Completion:
     else:
         tsdf, instances = with_superquadrics(objects, hypothesis.superquadrics, view.grid)
         tsdf, instances = with_vessels(tsdf, instances, hypothesis.vessels, view.grid)
-    tsdf, instances = with_shells(tsdf, instances, hypothesis.shells, view.grid)
     meshes = {} if hypothesis.superquadrics is not None else dict(objects.meshes)
-    for label, shell in hypothesis.shells.items():
-        mesh = shell.mesh(max(shell.pixel, _MIN_VOXEL))
-        if mesh is not None:
-            meshes[label] = mesh
     shapes = hypothesis.superquadrics or {}
     placed = {k: PlacedShape(shape_of(shape), shape.pose) for k, shape in shapes.items()}
     placed |= {k: PlacedShape(v.shape, v.pose) for k, v in hypothesis.vessels.items()}
@@ -65,17 +59,10 @@ def composed(hypothesis: ObjectSet, view: View) -> Completion:
     )
 
 
-def exact_meshes(hypothesis: ObjectSet, scene: Completion) -> dict[int, TriangleMesh]:
-    """Meshes by label of a hypothesis with shells; voxels may be too coarse for them.
-
-    Args:
-        hypothesis: without a shell it has none.
-        scene: as it was composed.
-    """
-    if not hypothesis.shells:
-        return {}
-    meshes = {label: item.mesh() for label, item in scene.placed[0].items()}
-    return meshes | dict(scene.meshes[0] if scene.meshes else {})
+def shell_meshes(hypothesis: ObjectSet) -> dict[int, TriangleMesh]:
+    """Meshes of the shells of a hypothesis, by label; those without volume have none."""
+    meshes = {k: shell.mesh(max(shell.pixel, _MIN_VOXEL)) for k, shell in hypothesis.shells.items()}
+    return {label: mesh for label, mesh in meshes.items() if mesh is not None}
 
 
 def with_superquadrics(
@@ -114,17 +101,6 @@ def with_vessels(
         corners = vessel.shape.mesh(MESH_SECTIONS).vertices + vessel.pose.position
         box = grid.box_about(corners)
         distance = vessel.shape.filled_distance(grid.centres()[box] - vessel.pose.position)
-        tsdf, instances = _replaced(tsdf, instances, label, box, distance, grid)
-    return tsdf, instances
-
-
-def with_shells(
-    tsdf: Float32, instances: Int32, shells: Mapping[int, ObjectShell], grid: GridSpec
-) -> tuple[Float32, Int32]:
-    """TSDF and instances (X, Y, Z) with shells, by label, in place of what was there."""
-    for label, shell in shells.items():
-        box = grid.box_about(shell.places())
-        distance = shell.signed_distance(grid.centres()[box])
         tsdf, instances = _replaced(tsdf, instances, label, box, distance, grid)
     return tsdf, instances
 

@@ -18,7 +18,7 @@ from scenefw_things.shells.batches import ObjectCrops
 from scenefw_things.shells.crops import crop, windows
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     from scenefw.core.training_protocols import Trained
     from scenefw.core.types import Int32
@@ -31,20 +31,19 @@ _SIGMAS = 3.0  # deviations of a measured depth within which the visible surface
 
 
 class LearnedShapes:
-    """Completes objects by shells: where rays enter and leave them, as a network tells it.
+    """Adds shells of objects: where rays enter and leave them, as a network tells it.
 
     What is visible stays within the noise of the sensor, and nothing lies before what was measured
     or below the floor. The first hypothesis is the network's best guess, others follow codes that
-    are drawn for all objects. An object of which too little is visible is completed by other means.
+    are drawn for all objects. An object of which too little is visible has no shell.
 
     Args:
         checkpoint: of a network of shells.
-        rest: completes the other objects; those of several views all.
+        rest: completes all objects by other means.
         resolution: pixels per side of a crop, as the network learnt from.
         margin: side of a crop by the longer side of what is visible, likewise.
         min_width: least width of a crop at its object (m), likewise.
         min_pixels: visible pixels of a crop that an object needs, likewise.
-        keep_explained: objects that a superquadric explains are completed by other means, too.
 
     Raises:
         ConfigError: a number out of range.
@@ -58,8 +57,6 @@ class LearnedShapes:
         margin: float,
         min_width: float,
         min_pixels: int,
-        *,
-        keep_explained: bool,
     ) -> None:
         COUNT.require(resolution=resolution, min_pixels=min_pixels)
         at_least(1).require(margin=margin)
@@ -69,26 +66,18 @@ class LearnedShapes:
         self.metadata = {**rest.metadata, "shells": dict(checkpoint.metadata)}
         self.resolution, self.margin = resolution, margin
         self.min_width, self.min_pixels = min_width, min_pixels
-        self.keep_explained = keep_explained
 
     def complete(
         self, fits: Fits, view: View, samples: int, generator: torch.Generator
     ) -> Sequence[ObjectSet]:
         """The best guess, and further draws of all objects together."""
-        if not isinstance(view, Observation):
-            return self.rest.complete(fits, view, samples, generator)
+        sets = self.rest.complete(fits, view, samples, generator)
         masks = fits.objects.pixels
+        if not isinstance(view, Observation) or not masks.any():
+            return sets
         labels = [int(label) for label in np.unique(masks[masks > 0])]
-        sets: Sequence[ObjectSet] = []
-        if self.keep_explained:
-            sets = self.rest.complete(fits, view, samples, generator)
-            labels = [label for label in labels if label not in (sets[0].superquadrics or {})]
         crops = self._crops(masks, labels, view)
         rows = (crops.visible.sum(dim=(1, 2)) >= self.min_pixels).nonzero()[:, 0].tolist()
-        if not self.keep_explained:
-            sets = self.rest.complete(
-                _without(fits, {labels[row] for row in rows}), view, samples, generator
-            )
         if not rows:
             return sets
         prediction = self._sample(crops, samples, generator)
@@ -99,7 +88,7 @@ class LearnedShapes:
                 shell = _shell(prediction, number * len(labels) + row, crops, row, view)
                 if shell.amodal.any():
                     shells[labels[row]] = shell
-            hypotheses.append(_with_shells(sets[min(number, len(sets) - 1)], shells))
+            hypotheses.append(replace(sets[min(number, len(sets) - 1)], shells=shells))
         return hypotheses
 
     @torch.no_grad()
@@ -135,21 +124,6 @@ class LearnedShapes:
         squares = windows(visible, torch.full_like(distance, self.margin), shifts, min_side)
         rows = torch.zeros(len(labels), dtype=torch.int64, device=device)
         return crop(views, rows, numbers, squares, self.resolution)
-
-
-def _without(fits: Fits, labels: set[int]) -> Fits:
-    """Fits of the other objects alone."""
-    return Fits(
-        fits.objects,
-        {k: v for k, v in fits.evidence.items() if k not in labels},
-        {k: v for k, v in fits.superquadrics.items() if k not in labels},
-    )
-
-
-def _with_shells(hypothesis: ObjectSet, shells: Mapping[int, ObjectShell]) -> ObjectSet:
-    """The hypothesis with shells in place of superquadrics."""
-    superquadrics = {k: v for k, v in (hypothesis.superquadrics or {}).items() if k not in shells}
-    return replace(hypothesis, superquadrics=superquadrics, shells=shells)
 
 
 def _shell(
