@@ -10,11 +10,11 @@ import torch
 from scenefw.core.types import SceneEstimate
 from scenefw.matching.instances import renumbered_like
 from scenefw.perception.estimate.carving import carve, whole_objects
-from scenefw.perception.estimate.composition import composed, shell_meshes
+from scenefw.perception.estimate.composition import composed, shell_meshes, with_shells
 from scenefw.perception.estimate.marked_objects import called, marked_solids
 from scenefw.perception.estimate.mask_cleanup import with_bottoms, without_holes
 from scenefw.perception.estimate.objects import estimate_objects
-from scenefw.perception.estimate.plausibility import plausible, with_meshes
+from scenefw.perception.estimate.plausibility import objects_with, plausible
 from scenefw.perception.estimate.shape_cues import shape_cues
 from scenefw.perception.evidence.visible_instances import visible_instances
 from scenefw.perception.observation.image_turns import turned, turned_pixels
@@ -76,13 +76,12 @@ class SceneAssembly:
         partial = view.partial if self.carve else None
         volumes = self.volumes(sets, view)
         marks = marked_solids(view) if volumes[0].masks is not None else {}
-        shells = [shell_meshes(hypothesis) for hypothesis in sets]
+        meshes = shell_meshes(sets[0].shells)
         solids = [
-            {**marks, **_placed_meshes(scene), **meshes} if meshes else marks
-            for scene, meshes in zip(volumes, shells, strict=True)
+            {**marks, **_placed_meshes(scene), **meshes} if meshes else marks for scene in volumes
         ]
         lasting = {label for meshes in solids for label in meshes}
-        chosen: set[int] = set()
+        shell_ids: set[int] = set()
         scenes = [cleaned(scene, view.grid, partial, lasting) for scene in volumes]
         if not lasting:
             first = scenes[0].instances[0].cpu().numpy()
@@ -97,14 +96,25 @@ class SceneAssembly:
             estimate = scene_estimate(
                 scene, view.grid, frame, agreement, _details(view, origin), solids[number]
             )
-            usual = self._judged(estimate, view, agreement)
-            if number == 0 and shells[0]:
-                other = self._judged(with_meshes(estimate, shells[0]), view, agreement)
-                chosen = _more_probable(other, usual) & shells[0].keys()
-            meshes = {label: mesh for label, mesh in shells[number].items() if label in chosen}
-            if meshes:
-                usual = self._judged(with_meshes(estimate, meshes), view, agreement)
-            estimate = replace(usual, obstacles=obstacles)
+            if number == 0 and meshes:
+                learned = replace(estimate, objects=objects_with(estimate.objects, meshes))
+                learned = self._judged(learned, view, agreement)
+                estimate = self._judged(estimate, view, agreement)
+                shell_ids = _more_probable(learned, estimate, meshes)
+                estimate = replace(
+                    estimate,
+                    objects=tuple(
+                        other if item.id in shell_ids else item
+                        for item, other in zip(estimate.objects, learned.objects, strict=True)
+                    ),
+                )
+                estimate = _with_volumes(estimate, sets[0], shell_ids)
+            else:
+                estimate = _with_volumes(estimate, sets[number], shell_ids)
+                shells = {k: sets[number].shells[k] for k in shell_ids}
+                objects = objects_with(estimate.objects, shell_meshes(shells))
+                estimate = self._judged(replace(estimate, objects=objects), view, agreement)
+            estimate = replace(estimate, obstacles=obstacles)
             estimate = _turned_back(estimate, view.turns)
             yield called(estimate, view.ids) if marks else estimate
 
@@ -125,10 +135,30 @@ def _placed_meshes(scene: Completion) -> dict[int, TriangleMesh]:
     return {label: item.mesh() for label, item in placed.items()}
 
 
-def _more_probable(other: SceneEstimate, usual: SceneEstimate) -> set[int]:
-    """Ids of objects of which more overlap is to be expected in another scene."""
-    confidences = {item.id: item.confidence for item in usual.objects}
-    return {item.id for item in other.objects if item.confidence > confidences.get(item.id, 0.0)}
+def _more_probable(
+    other: SceneEstimate, usual: SceneEstimate, meshes: Mapping[int, TriangleMesh]
+) -> set[int]:
+    """Ids of objects of which more overlap is to be expected in another scene.
+
+    Args:
+        other: with these meshes, but where they contradict the image.
+        usual: the same objects with other shapes.
+        meshes: by id.
+    """
+    return {
+        item.id
+        for item, before in zip(other.objects, usual.objects, strict=True)
+        if item.mesh is meshes.get(item.id) and item.confidence > before.confidence
+    }
+
+
+def _with_volumes(
+    estimate: SceneEstimate, hypothesis: ObjectSet, ids: Collection[int]
+) -> SceneEstimate:
+    """The scene with the volumes of some objects' shells."""
+    shells = {label: hypothesis.shells[label] for label in ids}
+    tsdf, instances = with_shells(estimate.tsdf, estimate.instances, shells, estimate.grid)
+    return replace(estimate, tsdf=tsdf, instances=instances)
 
 
 def with_confidence(

@@ -24,8 +24,9 @@ if TYPE_CHECKING:
     from scenefw.fitting.vessels import FittedVessel
     from scenefw.perception.observation.views import View
     from scenefw.perception.steps import Objects, ObjectSet
+    from scenefw.shapes.object_shell import ObjectShell
 
-_MIN_VOXEL = 0.002  # m: of meshes of shells; finer ones show the noise of depth cameras alone
+_MIN_VOXEL = 0.003  # m: of meshes of shells; finer ones show the noise of depth cameras alone
 _REACH = 4  # voxels around rough volumes whose distances stay too
 
 
@@ -59,10 +60,21 @@ def composed(hypothesis: ObjectSet, view: View) -> Completion:
     )
 
 
-def shell_meshes(hypothesis: ObjectSet) -> dict[int, TriangleMesh]:
-    """Meshes of the shells of a hypothesis, by label; those without volume have none."""
-    meshes = {k: shell.mesh(max(shell.pixel, _MIN_VOXEL)) for k, shell in hypothesis.shells.items()}
+def shell_meshes(shells: Mapping[int, ObjectShell]) -> dict[int, TriangleMesh]:
+    """Closed meshes of shells, by label; those without volume have none."""
+    meshes = {k: shell.mesh(max(shell.pixel, _MIN_VOXEL)) for k, shell in shells.items()}
     return {label: mesh for label, mesh in meshes.items() if mesh is not None}
+
+
+def with_shells(
+    tsdf: Float32, instances: Int32, shells: Mapping[int, ObjectShell], grid: GridSpec
+) -> tuple[Float32, Int32]:
+    """TSDF and instances (X, Y, Z) with shells, by label, in place of what was there."""
+    for label, shell in shells.items():
+        box = grid.box_about(shell.places())
+        distance = shell.signed_distance(grid.centres()[box])
+        tsdf, instances = _replaced(tsdf, instances, label, box, distance, grid)
+    return tsdf, instances
 
 
 def with_superquadrics(

@@ -21,9 +21,9 @@ from scenefw.perception.observation.points import MIN_POINTS, MINORITY
 from scenefw.shapes.moments import moments
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping, Sequence
 
-    from scenefw.core.types import Float32, Float64, SceneEstimate
+    from scenefw.core.types import Float32, Float64, ObjectEstimate, SceneEstimate
     from scenefw.perception.observation.observation import Observation
 
 _MAX_LENGTH_RATIO = 2.0  # to that of what is visible
@@ -60,9 +60,6 @@ def plausible(estimate: SceneEstimate, view: Observation) -> SceneEstimate:
 
 def with_meshes(estimate: SceneEstimate, meshes: dict[int, TriangleMesh]) -> SceneEstimate:
     """The scene with other meshes, closed, for some of its objects, and their volumes."""
-    confidences = {item.id: item.confidence for item in estimate.objects if item.id in meshes}
-    changed = {item.id: item for item in estimate_objects(meshes, confidences)}
-    objects = tuple(changed.get(item.id, item) for item in estimate.objects)
     is_old = np.isin(estimate.instances, list(meshes))
     tsdf = np.where(is_old, np.float32(estimate.grid.truncation), estimate.tsdf)
     distances, labels = mesh_volumes(list(meshes.items()), estimate.grid)
@@ -72,10 +69,20 @@ def with_meshes(estimate: SceneEstimate, meshes: dict[int, TriangleMesh]) -> Sce
     tsdf = np.where(is_new, distances, tsdf)
     return replace(
         estimate,
-        objects=objects,
+        objects=objects_with(estimate.objects, meshes),
         tsdf=tsdf.astype(np.float32),
         instances=instances.astype(np.int32),
     )
+
+
+def objects_with(
+    objects: Sequence[ObjectEstimate], meshes: Mapping[int, TriangleMesh]
+) -> tuple[ObjectEstimate, ...]:
+    """Objects, some of which have other closed meshes, by id, and no shape."""
+    confidences = {item.id: item.confidence for item in objects if item.id in meshes}
+    shown = {label: mesh for label, mesh in meshes.items() if label in confidences}
+    changed = {item.id: item for item in estimate_objects(shown, confidences)}
+    return tuple(changed.get(item.id, item) for item in objects)
 
 
 class _Checks:
