@@ -27,6 +27,7 @@ OPTIONS: Mapping[str, str] = {
     "evaluation=latent_space": "experiment=latent_space",
     "evaluation=several_views": "experiment=several_views",
     "evaluation=grasping": "experiment=grasping",
+    "completion=learned_shapes": "shells=network",
     "parts=affinity": "segmentation=affinity",
     "parts=creases": "segmentation=creases",
 }

@@ -1,6 +1,6 @@
 """Objects completed by shells, which a stand-in for the network takes from the true boxes."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -17,9 +17,10 @@ from scenefw.kernels.cameras import camera_of
 from scenefw.perception.estimate.assembly import SceneAssembly
 from scenefw.perception.observation.obstacles import ObstacleRegion
 from scenefw.perception.observation.views import Views
-from scenefw.perception.steps import Fits, Objects, ObjectSet
+from scenefw.perception.steps import Objects, ObjectSet
 from scenefw.shapes.object_shell import ENTRY
 from scenefw_things.shells.batches import ShellPrediction
+from scenefw_things.shells.crops import CropShape
 from scenefw_things.shells.learned_shapes import LearnedShapes
 
 BOXES = (
@@ -28,6 +29,16 @@ BOXES = (
     Box((0.05, 0.08, 0.0), (0.053, 0.18, 0.2)),  # a sheet of 3 mm
 )
 GRID = GridSpec()
+
+
+def metadata(**changes):
+    """Of weights that learnt from crops of the usual shape."""
+    return {
+        "crops": {"resolution": 96, "margin": 1.8, "min_width": 0.14, "min_pixels": 60} | changes
+    }
+
+
+METADATA = metadata()
 
 
 class TrueShells(torch.nn.Module):
@@ -65,39 +76,22 @@ class TrueShells(torch.nn.Module):
         return enter < leave, np.stack([enter, leave, enter, leave])
 
 
-@dataclass
-class Nothing:
-    """Leaves objects as they are, and says for which it was asked."""
-
-    grid = None
-    metadata = {"name": "nothing"}  # noqa: RUF012
-    explained: tuple = ()
-    fits: Fits | None = None
-
-    def complete(self, fits, view, samples, generator):
-        self.fits = fits
-        shapes = dict.fromkeys(self.explained, "a superquadric")
-        return [ObjectSet(fits.objects, shapes)] * samples
-
-
 def view_of(boxes=BOXES, size=(320, 240), noise=0.0):
     camera = camera_at(size=size)
     frame = replace(frame_of(camera, boxes, noise=noise), camera=camera)
     return observation_of(frame, GRID), frame.labels
 
 
-def completed(boxes=BOXES, samples=1, rest=None, size=(320, 240), noise=0.0, shown=None,
-              min_pixels=60, **settings):  # fmt: skip
+def completed(boxes=BOXES, samples=1, explained=(), size=(320, 240), noise=0.0,
+              shown=None, min_pixels=60, **settings):  # fmt: skip
     view, labels = view_of(shown or boxes, size, noise)
     model = TrueShells(boxes, **settings)
-    checkpoint = SimpleNamespace(model=model, metadata={"date": "today"})
-    method = LearnedShapes(checkpoint, rest or Nothing(), 96, 1.8, 0.14, min_pixels)
+    checkpoint = SimpleNamespace(model=model, metadata=metadata(min_pixels=min_pixels))
+    method = LearnedShapes(checkpoint)
     shape = GRID.shape
     rough = Objects(labels, np.full(shape, GRID.truncation, np.float32), np.zeros(shape, np.int32))
-    evidence = dict.fromkeys((1, 2, 3), "evidence")
-    fits = Fits(rough, evidence, dict.fromkeys(evidence, "a fit"))
-    generator = torch.Generator().manual_seed(1)
-    return method.complete(fits, view, samples, generator), view, model
+    sets = [ObjectSet(rough, dict.fromkeys(explained, "a superquadric"))] * samples
+    return method.beside(sets, view, torch.Generator().manual_seed(1)), view, model
 
 
 @pytest.mark.parametrize("size", [(320, 240), (640, 480)])
@@ -141,8 +135,8 @@ def test_nothing_lies_before_what_was_measured():
     )
     view, labels = view_of(BOXES[:2])
     model = TrueShells(boxes, -0.05)
-    method = LearnedShapes(SimpleNamespace(model=model, metadata={}), Nothing(), 96, 1.8, 0.14, 60)
-    (hypothesis,) = method.complete(Fits(Objects(labels)), view, 1, torch.Generator())
+    method = LearnedShapes(SimpleNamespace(model=model, metadata=METADATA))
+    (hypothesis,) = method.beside([ObjectSet(Objects(labels), {})], view, torch.Generator())
     for label, shell in hypothesis.shells.items():
         measured = model.crops.depth[label - 1].double().numpy()
         assert (shell.depths[ENTRY][shell.amodal] >= measured[shell.amodal] - 1e-6).all()
@@ -164,11 +158,9 @@ def test_the_first_hypothesis_is_the_best_guess_and_others_follow_their_codes():
 
 
 def test_superquadrics_stay_beside_shells():
-    rest = Nothing(explained=(2, 3))
-    sets, _, _ = completed(samples=2, rest=rest)
+    sets, _, _ = completed(samples=2, explained=(2, 3))
     assert [set(s.shells) for s in sets] == [{1, 2, 3}] * 2
     assert [set(s.superquadrics) for s in sets] == [{2, 3}] * 2
-    assert set(rest.fits.evidence) == {1, 2, 3}
 
 
 class Hulls:
@@ -219,41 +211,38 @@ def test_the_network_sees_colour_and_obstacles():
         workspace=SimpleNamespace(obstacles=[ObstacleRegion("wall", wall)]),
     )
     model = TrueShells(BOXES[:2])
-    method = LearnedShapes(SimpleNamespace(model=model, metadata={}), Nothing(), 96, 1.8, 0.14, 60)
+    method = LearnedShapes(SimpleNamespace(model=model, metadata=METADATA))
     masks = np.where(wall, 0, labels).astype(np.int32)
-    method.complete(Fits(Objects(masks)), view, 1, torch.Generator())
+    method.beside([ObjectSet(Objects(masks), {})], view, torch.Generator())
     crops = model.crops
     shown = crops.colour[0].permute(1, 2, 0)[crops.visible[0]]
     torch.testing.assert_close(shown, torch.tensor([1.0, 0.0, 0.4]).expand_as(shown))
     assert crops.others[1].sum() > 50  # the sheet behind the second box
     alone = replace(view, workspace=None)
-    method.complete(Fits(Objects(masks)), alone, 1, torch.Generator())
+    method.beside([ObjectSet(Objects(masks), {})], alone, torch.Generator())
     assert not model.crops.others[1].any()
 
 
-def test_what_is_hardly_visible_is_completed_by_other_means():
-    rest = Nothing(explained=(1, 2, 3))
-    (hypothesis,), _, model = completed(rest=rest, min_pixels=10**5)
+def test_what_is_hardly_visible_has_no_shell():
+    (hypothesis,), _, model = completed(explained=(1, 2, 3), min_pixels=10**5)
     assert not hypothesis.shells
+    assert set(hypothesis.superquadrics) == {1, 2, 3}
     assert model.codes is None  # the network isn't asked
-    assert set(hypothesis.superquadrics) == set(rest.fits.evidence) == {1, 2, 3}
 
 
-def test_several_views_are_left_to_other_means():
+def test_of_several_views_and_of_no_object_nothing_is_said():
     view, labels = view_of()
-    rest = Nothing()
-    method = LearnedShapes(
-        SimpleNamespace(model=TrueShells(BOXES), metadata={}), rest, 96, 1.8, 0.14, 60
-    )
-    fits = Fits(Objects(labels))
-    (hypothesis,) = method.complete(fits, Views((view,)), 1, torch.Generator())
-    assert not hypothesis.shells
-    assert rest.fits is fits
+    method = LearnedShapes(SimpleNamespace(model=TrueShells(BOXES), metadata=METADATA))
+    for masks, shown in ((labels, Views((view,))), (0 * labels, view)):
+        sets = [ObjectSet(Objects(masks), {})]
+        assert method.beside(sets, shown, torch.Generator()) == sets
 
 
-def test_numbers_out_of_range_are_refused():
-    checkpoint = SimpleNamespace(model=TrueShells(BOXES), metadata={})
-    good = {"resolution": 96, "margin": 1.8, "min_width": 0.14, "min_pixels": 60}
-    for name, value in {"resolution": 0, "margin": 0.5, "min_width": 0.0, "min_pixels": 0}.items():
+def test_weights_say_which_crops_they_learnt_from():
+    wrong = {"resolution": 0, "margin": 0.5, "min_width": 0.0, "min_pixels": 0}
+    for name, value in wrong.items():
         with pytest.raises(ConfigError, match=name):
-            LearnedShapes(checkpoint, Nothing(), **{**good, name: value})
+            CropShape.of(metadata(**{name: value}))
+    for nothing in ({}, {"crops": {"margin": 1.8}}, {"crops": None}):
+        with pytest.raises(ConfigError, match="train them anew"):
+            CropShape.of(nothing)

@@ -175,6 +175,19 @@ class HiddenObjectSampling(Protocol):
         """
 
 
+class ShellSampling(Protocol):
+    """Draws shapes of single objects beside those of a set completion (group `shells`)."""
+
+    @property
+    def metadata(self) -> Mapping[str, Any]:
+        """Where its weights are from."""
+
+    def beside(
+        self, sets: Sequence[ObjectSet], view: View, generator: torch.Generator
+    ) -> list[ObjectSet]:
+        """The hypotheses with shells of their objects, the best guess in the first one."""
+
+
 class HollowReplacement(Protocol):
     """Step 7: bowls, cups and mugs (setting `hollow`)."""
 

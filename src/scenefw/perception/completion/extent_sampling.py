@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from scenefw.core.types import GridSpec
     from scenefw.perception.evidence.tolerances import Tolerances
     from scenefw.perception.observation.observation import Observation, ViewGeometry
-    from scenefw.perception.steps import Fits, HiddenObjectSampling
+    from scenefw.perception.steps import Fits, HiddenObjectSampling, ShellSampling
 
     Shapes = Sequence[FittedSuperquadric]
 
@@ -55,6 +55,8 @@ class ExtentSampling:
         min_gap: points of sampled surfaces count that are further than this from all visible ones
             (m).
         hidden: adds objects of which nothing is visible to further hypotheses; None adds none.
+        shells: adds other shapes of objects, of which the assembly takes the more probable one;
+            None adds none.
 
     Raises:
         ConfigError: a number that isn't positive.
@@ -73,21 +75,30 @@ class ExtentSampling:
         pseudo_sigma: float,
         min_gap: float,
         hidden: HiddenObjectSampling | None = None,
+        shells: ShellSampling | None = None,
     ) -> None:
         COUNT.require(steps=steps)
         NOT_NEGATIVE.require(median_of=median_of, min_gap=min_gap, spread=spread)
         certain = above(tolerances.point_sigma, "as what is measured is the more certain")
         certain.require(pseudo_sigma=pseudo_sigma)
         self.fit, self.tolerances = fit, tolerances
-        self.model, self.hidden = checkpoint.model, hidden
+        self.model, self.hidden, self.shells = checkpoint.model, hidden, shells
         self.steps, self.median_of, self.spread = steps, median_of, spread
         self.pseudo_sigma, self.min_gap = pseudo_sigma, min_gap
         self.metadata = dict(checkpoint.metadata)
+        if shells is not None:
+            self.metadata["shells"] = dict(shells.metadata)
 
     def complete(
         self, fits: Fits, view: Observation, samples: int, generator: torch.Generator
     ) -> list[ObjectSet]:
         """The median of samples, and then further ones; in these also objects that nobody sees."""
+        sets = self._superquadrics(fits, view, samples, generator)
+        return sets if self.shells is None else self.shells.beside(sets, view, generator)
+
+    def _superquadrics(
+        self, fits: Fits, view: Observation, samples: int, generator: torch.Generator
+    ) -> list[ObjectSet]:
         random = np.random.default_rng(int(torch.randint(2**62, (1,), generator=generator)))
         if not fits.evidence:
             return [ObjectSet(fits.objects, {})] * samples

@@ -235,4 +235,5 @@ def with_vessels(hypothesis: ObjectSet, vessels: Mapping[int, FittedVessel]) -> 
     """The hypothesis with vessels in place of other shapes of these labels."""
     solid = hypothesis.superquadrics or {}
     solid = {label: shape for label, shape in solid.items() if label not in vessels}
-    return replace(hypothesis, superquadrics=solid, vessels=vessels)
+    shells = {label: shell for label, shell in hypothesis.shells.items() if label not in vessels}
+    return replace(hypothesis, superquadrics=solid, vessels=vessels, shells=shells)

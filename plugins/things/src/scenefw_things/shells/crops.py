@@ -2,17 +2,62 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import torch
 
 from scenefw.core.batches import CameraBatch
+from scenefw.core.errors import ConfigError
+from scenefw.core.settings import COUNT, POSITIVE, at_least
 from scenefw_things.shells.batches import ObjectCrops
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from torch import Tensor
 
     from scenefw.core.part_views import PartViewBatch
+
+
+@dataclass(frozen=True)
+class CropShape:
+    """How large crops about objects are, as a network learnt from them.
+
+    Args:
+        resolution: pixels per side.
+        margin: side by the longer side of what is visible of the object.
+        min_width: across a crop at its object (m): a speck tells little of how large that is.
+        min_pixels: measured pixels of an object in its crop; of less no shape follows.
+
+    Raises:
+        ConfigError: a number out of range.
+    """
+
+    resolution: int
+    margin: float
+    min_width: float
+    min_pixels: int
+
+    def __post_init__(self) -> None:
+        COUNT.require(resolution=self.resolution, min_pixels=self.min_pixels)
+        at_least(1).require(margin=self.margin)
+        POSITIVE.require(min_width=self.min_width)
+
+    @classmethod
+    def of(cls, metadata: Mapping[str, Any]) -> CropShape:
+        """That of the crops that weights learnt from, by their metadata.
+
+        Raises:
+            ConfigError: they don't say.
+        """
+        try:
+            return cls(**metadata["crops"])
+        except (KeyError, TypeError) as error:
+            raise ConfigError(
+                "weights of object_shells don't say which crops they learnt from; train them anew "
+                "with experiment=object_shells"
+            ) from error
 
 
 def windows(visible: Tensor, margins: Tensor, shifts: Tensor, min_side: Tensor) -> Tensor:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import lightning
@@ -20,7 +21,7 @@ from scenefw_things.images.changes import ImageChanges
 from scenefw_things.images.stored_images import OBSTACLE, StoredImages
 from scenefw_things.images.stored_solids import StoredSolids
 from scenefw_things.shells.batches import ObjectShellBatch, Shells
-from scenefw_things.shells.crops import crop, references, windows
+from scenefw_things.shells.crops import CropShape, crop, references, windows
 from scenefw_things.shells.solid_rays import PartPlanes, shells
 
 if TYPE_CHECKING:
@@ -108,6 +109,7 @@ class ObjectShells(lightning.LightningDataModule):
         self.noise_words = described(noises)
         self.changes = ImageChanges(noises, colourless, brightness, scale, tilt, lift)
         as_they_are = ImageChanges(noises, colourless, 0.0, 0.0, tilt, lift)
+        self.crops = CropShape(resolution, sum(self.margins) / 2, min_width, min_pixels)
         self.training = _Part(f"{folder}/train", self.changes, min_pixels, limit)
         self.validation = _Part(f"{folder}/val", as_they_are, min_pixels, validation_limit)
 
@@ -119,6 +121,7 @@ class ObjectShells(lightning.LightningDataModule):
             "images": len(self.training.rows),
             "batch_size": self.batch_size,
             "objects": self.objects,
+            "crops": asdict(self.crops),
             "noise": self.noise_words,
         }
 

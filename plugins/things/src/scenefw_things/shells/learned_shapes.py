@@ -9,13 +9,11 @@ import numpy as np
 import torch
 
 from scenefw.core.part_views import PartViewBatch
-from scenefw.core.settings import COUNT, POSITIVE, at_least
 from scenefw.kernels.cameras import camera_of, stack_cameras
 from scenefw.perception.observation.observation import Observation
-from scenefw.perception.steps import Fits
 from scenefw.shapes.object_shell import ENTRY, EXIT, ObjectShell
 from scenefw_things.shells.batches import ObjectCrops
-from scenefw_things.shells.crops import crop, windows
+from scenefw_things.shells.crops import CropShape, crop, windows
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,7 +21,7 @@ if TYPE_CHECKING:
     from scenefw.core.training_protocols import Trained
     from scenefw.core.types import Int32
     from scenefw.perception.observation.views import View
-    from scenefw.perception.steps import ObjectSet, SetCompletion
+    from scenefw.perception.steps import ObjectSet
     from scenefw_things.shells.batches import ShellPrediction
     from scenefw_things.shells.protocols import ObjectShellModel
 
@@ -39,47 +37,28 @@ class LearnedShapes:
 
     Args:
         checkpoint: of a network of shells.
-        rest: completes all objects by other means.
-        resolution: pixels per side of a crop, as the network learnt from.
-        margin: side of a crop by the longer side of what is visible, likewise.
-        min_width: least width of a crop at its object (m), likewise.
-        min_pixels: visible pixels of a crop that an object needs, likewise.
 
     Raises:
-        ConfigError: a number out of range.
+        ConfigError: the weights don't say which crops they learnt from.
     """
 
-    def __init__(
-        self,
-        checkpoint: Trained[ObjectShellModel],
-        rest: SetCompletion,
-        resolution: int,
-        margin: float,
-        min_width: float,
-        min_pixels: int,
-    ) -> None:
-        COUNT.require(resolution=resolution, min_pixels=min_pixels)
-        at_least(1).require(margin=margin)
-        POSITIVE.require(min_width=min_width)
+    def __init__(self, checkpoint: Trained[ObjectShellModel]) -> None:
         self.model: ObjectShellModel = checkpoint.model
-        self.rest, self.grid = rest, rest.grid
-        self.metadata = {**rest.metadata, "shells": dict(checkpoint.metadata)}
-        self.resolution, self.margin = resolution, margin
-        self.min_width, self.min_pixels = min_width, min_pixels
+        self.metadata = dict(checkpoint.metadata)
+        self.crops = CropShape.of(checkpoint.metadata)
 
-    def complete(
-        self, fits: Fits, view: View, samples: int, generator: torch.Generator
-    ) -> Sequence[ObjectSet]:
-        """The best guess, and further draws of all objects together."""
-        sets = self.rest.complete(fits, view, samples, generator)
-        masks = fits.objects.pixels
+    def beside(
+        self, sets: Sequence[ObjectSet], view: View, generator: torch.Generator
+    ) -> list[ObjectSet]:
+        """The best guess in the first hypothesis, draws of all objects together in others."""
+        masks, samples = sets[0].objects.pixels, len(sets)
         if not isinstance(view, Observation) or not masks.any():
-            return sets
+            return list(sets)
         labels = [int(label) for label in np.unique(masks[masks > 0])]
         crops = self._crops(masks, labels, view)
-        rows = (crops.visible.sum(dim=(1, 2)) >= self.min_pixels).nonzero()[:, 0].tolist()
+        rows = (crops.visible.sum(dim=(1, 2)) >= self.crops.min_pixels).nonzero()[:, 0].tolist()
         if not rows:
-            return sets
+            return list(sets)
         prediction = self._sample(crops, samples, generator)
         hypotheses = []
         for number in range(samples):
@@ -88,7 +67,7 @@ class LearnedShapes:
                 shell = _shell(prediction, number * len(labels) + row, crops, row, view)
                 if shell.amodal.any():
                     shells[labels[row]] = shell
-            hypotheses.append(replace(sets[min(number, len(sets) - 1)], shells=shells))
+            hypotheses.append(replace(sets[number], shells=shells))
         return hypotheses
 
     @torch.no_grad()
@@ -119,11 +98,11 @@ class LearnedShapes:
         visible = (views.owners == numbers[:, None, None]) & (views.depth > 0)
         count = visible.sum(dim=(1, 2)).clamp_min(1)
         distance = torch.where(visible, views.depth, 0.0).sum(dim=(1, 2)) / count
-        min_side = self.min_width * view.camera.fx / distance.clamp_min(1e-3)
+        min_side = self.crops.min_width * view.camera.fx / distance.clamp_min(1e-3)
         shifts = torch.zeros(len(labels), 2, device=device)
-        squares = windows(visible, torch.full_like(distance, self.margin), shifts, min_side)
+        squares = windows(visible, torch.full_like(distance, self.crops.margin), shifts, min_side)
         rows = torch.zeros(len(labels), dtype=torch.int64, device=device)
-        return crop(views, rows, numbers, squares, self.resolution)
+        return crop(views, rows, numbers, squares, self.crops.resolution)
 
 
 def _shell(
