@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from scenefw.core.types import Frame, GridSpec, Int32, TriangleMesh
     from scenefw.perception.observation.observation import Observation
     from scenefw.perception.steps import ObjectSet
+    from scenefw.shapes.object_shell import ObjectShell
 
 Item = TypeVar("Item")
 
@@ -97,26 +98,45 @@ class SceneAssembly:
                 scene, view.grid, frame, agreement, _details(view, origin), solids[number]
             )
             if number == 0 and meshes:
-                learned = replace(estimate, objects=objects_with(estimate.objects, meshes))
-                learned = self._judged(learned, view, agreement)
-                estimate = self._judged(estimate, view, agreement)
-                shell_ids = _more_probable(learned, estimate, meshes)
-                estimate = replace(
-                    estimate,
-                    objects=tuple(
-                        other if item.id in shell_ids else item
-                        for item, other in zip(estimate.objects, learned.objects, strict=True)
-                    ),
-                )
-                estimate = _with_volumes(estimate, sets[0], shell_ids)
+                estimate, shell_ids = self._with_shells(estimate, sets[0], meshes, view, agreement)
             else:
-                estimate = _with_volumes(estimate, sets[number], shell_ids)
-                shells = {k: sets[number].shells[k] for k in shell_ids}
+                shells = {k: v for k, v in sets[number].shells.items() if k in shell_ids}
+                estimate = _with_volumes(estimate, shells)
                 objects = objects_with(estimate.objects, shell_meshes(shells))
                 estimate = self._judged(replace(estimate, objects=objects), view, agreement)
             estimate = replace(estimate, obstacles=obstacles)
             estimate = _turned_back(estimate, view.turns)
             yield called(estimate, view.ids) if marks else estimate
+
+    def _with_shells(
+        self,
+        estimate: SceneEstimate,
+        hypothesis: ObjectSet,
+        meshes: Mapping[int, TriangleMesh],
+        view: Observation,
+        agreement: Mapping[int, float],
+    ) -> tuple[SceneEstimate, set[int]]:
+        """The judged scene with the shells of which more overlap is to be expected, and their ids.
+
+        Args:
+            estimate: without shells.
+            hypothesis: with shells.
+            meshes: of these, by id.
+            view: with its image.
+            agreement: of hypotheses on each object, by id.
+        """
+        learned = replace(estimate, objects=objects_with(estimate.objects, meshes))
+        learned = self._judged(learned, view, agreement)
+        estimate = self._judged(estimate, view, agreement)
+        pairs = list(zip(estimate.objects, learned.objects, strict=True))
+        ids = {
+            other.id
+            for item, other in pairs
+            if other.mesh is meshes.get(other.id) and other.confidence > item.confidence
+        }
+        objects = tuple(other if item.id in ids else item for item, other in pairs)
+        estimate = _with_volumes(estimate, {k: hypothesis.shells[k] for k in ids})
+        return replace(estimate, objects=objects), ids
 
     def _judged(
         self, estimate: SceneEstimate, view: Observation, agreement: Mapping[int, float]
@@ -135,28 +155,8 @@ def _placed_meshes(scene: Completion) -> dict[int, TriangleMesh]:
     return {label: item.mesh() for label, item in placed.items()}
 
 
-def _more_probable(
-    other: SceneEstimate, usual: SceneEstimate, meshes: Mapping[int, TriangleMesh]
-) -> set[int]:
-    """Ids of objects of which more overlap is to be expected in another scene.
-
-    Args:
-        other: with these meshes, but where they contradict the image.
-        usual: the same objects with other shapes.
-        meshes: by id.
-    """
-    return {
-        item.id
-        for item, before in zip(other.objects, usual.objects, strict=True)
-        if item.mesh is meshes.get(item.id) and item.confidence > before.confidence
-    }
-
-
-def _with_volumes(
-    estimate: SceneEstimate, hypothesis: ObjectSet, ids: Collection[int]
-) -> SceneEstimate:
+def _with_volumes(estimate: SceneEstimate, shells: Mapping[int, ObjectShell]) -> SceneEstimate:
     """The scene with the volumes of some objects' shells."""
-    shells = {label: hypothesis.shells[label] for label in ids}
     tsdf, instances = with_shells(estimate.tsdf, estimate.instances, shells, estimate.grid)
     return replace(estimate, tsdf=tsdf, instances=instances)
 
