@@ -17,7 +17,7 @@ def test_a_release_is_counted(scenefw, tmp_path):
     (line,) = (page.parent / "final_split.jsonl").read_text().splitlines()
     entry = json.loads(line)
     assert entry["data"].keys() == {"superquadric_stacks_v2_final"}
-    names = {"simstack", "set_extents", "part_affinity"}
+    names = {"simstack", "set_extents", "part_affinity", "object_shells"}
     assert entry["weights"].keys() == {f"{name}.safetensors" for name in names}
     assert "split=final" in entry["command"]
     assert "had been evaluated once by then ([all](final_split.jsonl))" in page.read_text()

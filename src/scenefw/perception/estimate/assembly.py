@@ -98,7 +98,8 @@ class SceneAssembly:
                 scene, view.grid, frame, agreement, _details(view, origin), solids[number]
             )
             if number == 0 and meshes:
-                estimate, shell_ids = self._with_shells(estimate, sets[0], meshes, view, agreement)
+                usual, learned = self.alternatives(estimate, meshes, view, agreement)
+                estimate, shell_ids = _with_probable_shells(usual, learned, meshes, sets[0])
             else:
                 shells = {k: v for k, v in sets[number].shells.items() if k in shell_ids}
                 estimate = _with_volumes(estimate, shells)
@@ -108,35 +109,23 @@ class SceneAssembly:
             estimate = _turned_back(estimate, view.turns)
             yield called(estimate, view.ids) if marks else estimate
 
-    def _with_shells(
+    def alternatives(
         self,
         estimate: SceneEstimate,
-        hypothesis: ObjectSet,
         meshes: Mapping[int, TriangleMesh],
         view: Observation,
         agreement: Mapping[int, float],
-    ) -> tuple[SceneEstimate, set[int]]:
-        """The judged scene with the shells of which more overlap is to be expected, and their ids.
+    ) -> tuple[SceneEstimate, SceneEstimate]:
+        """A scene as it is and with other shapes, both judged.
 
         Args:
-            estimate: without shells.
-            hypothesis: with shells.
-            meshes: of these, by id.
+            estimate: whose objects have no shells.
+            meshes: of their shells, by id.
             view: with its image.
             agreement: of hypotheses on each object, by id.
         """
         learned = replace(estimate, objects=objects_with(estimate.objects, meshes))
-        learned = self._judged(learned, view, agreement)
-        estimate = self._judged(estimate, view, agreement)
-        pairs = list(zip(estimate.objects, learned.objects, strict=True))
-        ids = {
-            other.id
-            for item, other in pairs
-            if other.mesh is meshes.get(other.id) and other.confidence > item.confidence
-        }
-        objects = tuple(other if item.id in ids else item for item, other in pairs)
-        estimate = _with_volumes(estimate, {k: hypothesis.shells[k] for k in ids})
-        return replace(estimate, objects=objects), ids
+        return self._judged(estimate, view, agreement), self._judged(learned, view, agreement)
 
     def _judged(
         self, estimate: SceneEstimate, view: Observation, agreement: Mapping[int, float]
@@ -153,6 +142,31 @@ def _placed_meshes(scene: Completion) -> dict[int, TriangleMesh]:
     """Meshes of shapes, by label, some of which are too thin for voxels."""
     placed = scene.placed[0] if scene.placed else {}
     return {label: item.mesh() for label, item in placed.items()}
+
+
+def _with_probable_shells(
+    usual: SceneEstimate,
+    learned: SceneEstimate,
+    meshes: Mapping[int, TriangleMesh],
+    hypothesis: ObjectSet,
+) -> tuple[SceneEstimate, set[int]]:
+    """The usual scene with the shells of which more overlap is to be expected, and their ids.
+
+    Args:
+        usual: without shells.
+        learned: the same objects with shells, but where these contradict the image.
+        meshes: of the shells, by id.
+        hypothesis: that has them.
+    """
+    pairs = list(zip(usual.objects, learned.objects, strict=True))
+    ids = {
+        other.id
+        for item, other in pairs
+        if other.mesh is meshes.get(other.id) and other.confidence > item.confidence
+    }
+    objects = tuple(other if item.id in ids else item for item, other in pairs)
+    scene = _with_volumes(usual, {k: hypothesis.shells[k] for k in ids})
+    return replace(scene, objects=objects), ids
 
 
 def _with_volumes(estimate: SceneEstimate, shells: Mapping[int, ObjectShell]) -> SceneEstimate:
