@@ -17,7 +17,7 @@ from scenefw.perception.observation.components import TOUCH
 from scenefw.perception.observation.image_turns import turned_pixels
 from scenefw.perception.observation.object_masks import footprint_hull
 from scenefw.perception.observation.pixels import coarse_step
-from scenefw.perception.observation.points import MIN_POINTS, MINORITY
+from scenefw.perception.observation.points import MINORITY
 from scenefw.shapes.moments import moments
 
 if TYPE_CHECKING:
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from scenefw.core.types import Float32, Float64, ObjectEstimate, SceneEstimate
     from scenefw.perception.observation.observation import Observation
 
+_MIN_POINTS = 10  # visible ones that say something about an object
 _MAX_LENGTH_RATIO = 2.0  # to that of what is visible
 _MIN_LONG = 0.08  # m: what is shorter may be hidden for the most part
 _CELL = 0.005  # m: side of columns below what is visible
@@ -108,7 +109,7 @@ class _Checks:
         lowest = float(mesh.vertices[:, 2].min())
         flaws = float(-lowest > self.margin)
         visible = self.visible[label]
-        if len(visible) > MIN_POINTS:
+        if len(visible) > _MIN_POINTS:
             length, visible_length = (
                 np.ptp(mesh.vertices, axis=0).max(),
                 np.ptp(visible, axis=0).max(),
@@ -121,7 +122,7 @@ class _Checks:
     def humbler(self, label: int) -> Iterator[TriangleMesh]:
         """Closed meshes of what is visible of an object, the boldest first."""
         points = self.visible[label]
-        if len(points) <= MIN_POINTS:
+        if len(points) <= _MIN_POINTS:
             return
         support = self._support(label, points)
         for height in dict.fromkeys((support, 0.0)):

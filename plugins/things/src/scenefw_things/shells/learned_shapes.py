@@ -13,7 +13,7 @@ from scenefw.kernels.cameras import camera_of, stack_cameras
 from scenefw.perception.observation.observation import Observation
 from scenefw.shapes.object_shell import ENTRY, EXIT, ObjectShell
 from scenefw_things.shells.batches import ObjectCrops
-from scenefw_things.shells.crops import CropShape, crop, windows
+from scenefw_things.shells.crops import CropShape, crop, references, windows
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -122,6 +122,8 @@ def _shell(
     depths = prediction.depths[number].double().cpu().numpy()
     measured = crops.depth[row].double().cpu().numpy()
     visible = crops.visible[row].cpu().numpy()
+    reference, width = (float(values[row]) for values in references(crops))
+    depths = depths.clip(reference - width, reference + width)  # no object is larger than its crop
     reach = _SIGMAS * view.noise.at(measured)
     latest = np.where(visible, measured + reach, np.inf)
     depths[ENTRY] = depths[ENTRY].clip(measured - reach, latest)
