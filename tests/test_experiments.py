@@ -194,14 +194,15 @@ def test_things_are_scored_with_noise_of_each_sensor(scenefw, tmp_path):
     trimesh.creation.cylinder(0.035, 0.1).export(folder / "can.ply")
     words = ("experiment=household", "debug=smoke", "split=val", "input=meshes", "paths.output=out")
     sensors = ("kinect", "stereo_ramps", "time_of_flight", "phone_lidar", "none")
-    done = scenefw(*words, *(f"~evaluation.strata.many.{sensor}" for sensor in sensors))
+    one_is_enough = (f"~evaluation.strata.many.{sensor}" for sensor in sensors[1:])
+    done = scenefw(*words, *one_is_enough)  # bodies of many things take CoACD a minute a view
     assert done.returncode == 0, done.stderr[-3000:]
     figures = json.loads((tmp_path / "out" / "metrics.json").read_text())
-    for sensor in sensors:
-        assert figures[f"few/{sensor}/images"] == 1
-        assert 0 < figures[f"few/{sensor}/objects"] <= 4
+    for group, most in ({f"few/{sensor}": 4 for sensor in sensors} | {"many/kinect": 16}).items():
+        assert figures[f"{group}/images"] == 1
+        assert 0 < figures[f"{group}/objects"] <= most
         for method in ("set_extents", "hull", "mirrored"):
-            assert f"few/{sensor}/true_masks/{method}/iou" in figures
+            assert f"{group}/true_masks/{method}/iou" in figures
     (tmp_path / "empty").mkdir()
     done = scenefw(*words[:3], "input=empty", "paths.output=out2")
     assert done.returncode == 2

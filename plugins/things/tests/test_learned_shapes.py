@@ -18,7 +18,7 @@ from scenefw.perception.estimate.assembly import SceneAssembly
 from scenefw.perception.observation.obstacles import ObstacleRegion
 from scenefw.perception.observation.views import Views
 from scenefw.perception.steps import Objects, ObjectSet
-from scenefw.shapes.object_shell import ENTRY
+from scenefw.shapes.object_shell import ENTRY, EXIT
 from scenefw_things.shells.batches import ShellPrediction
 from scenefw_things.shells.crops import CropShape
 from scenefw_things.shells.learned_shapes import LearnedShapes
@@ -46,9 +46,9 @@ class TrueShells(torch.nn.Module):
 
     latent_size = 3
 
-    def __init__(self, boxes, entry_error=0.0):
+    def __init__(self, boxes, entry_error=0.0, exit_error=0.0):
         super().__init__()
-        self.boxes, self.entry_error = boxes, entry_error
+        self.boxes, self.entry_error, self.exit_error = boxes, entry_error, exit_error
         self.weight = torch.nn.Parameter(torch.zeros(1))
         self.codes = self.crops = None
 
@@ -61,6 +61,7 @@ class TrueShells(torch.nn.Module):
         depths = depths.repeat(count, 1, 1, 1)
         depths[:, 1] += 0.01 * codes[..., 0].reshape(-1, 1, 1)
         depths[:, ENTRY] += self.entry_error
+        depths[:, EXIT] += self.exit_error
         amodal = torch.where(amodal, 5.0, -5.0).repeat(count, 1, 1)
         return ShellPrediction(amodal, torch.full_like(amodal, -5.0), depths.float())
 
@@ -143,6 +144,15 @@ def test_nothing_lies_before_what_was_measured():
         box = BOXES[label - 1]
         top = shell.mesh(0.003).vertices[:, 2].max()
         assert top == pytest.approx(box.upper[2], abs=0.006)
+
+
+def test_no_object_is_longer_than_its_crop_is_wide():
+    (hypothesis,), _, model = completed(exit_error=5.0)
+    for label, shell in hypothesis.shells.items():
+        visible = model.crops.depth[label - 1][model.crops.visible[label - 1]].numpy()
+        camera = camera_of(model.crops.cameras, label - 1)
+        width = np.median(visible) * camera.width / camera.fx
+        assert shell.depths[EXIT][shell.amodal].max() <= np.median(visible) + 1.01 * width
 
 
 def test_the_first_hypothesis_is_the_best_guess_and_others_follow_their_codes():

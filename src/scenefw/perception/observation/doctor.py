@@ -16,7 +16,7 @@ from scenefw.data.files.image_checks import check_depth
 from scenefw.perception.observation.colour_alignment import colour_shift
 from scenefw.perception.observation.depth_reading import better_reading
 from scenefw.perception.observation.floor import FloorFinder
-from scenefw.perception.observation.points import STRAYS
+from scenefw.perception.observation.object_groups import MAX_UNSAID_RATIO
 from scenefw.perception.observation.workspace import Workspace
 
 GOOD, ODD, UNUSABLE = "good", "odd", "unusable"
@@ -325,7 +325,7 @@ def _check_other_surfaces(workspace: Workspace) -> list[Check]:
     parts = [
         f"{mask.sum() / total:.0%} {kind} at the {_place(mask)}"
         for kind, mask in masks.items()
-        if mask.sum() > STRAYS * total
+        if mask.sum() > MAX_UNSAID_RATIO * total
     ]
     if not parts:
         return []

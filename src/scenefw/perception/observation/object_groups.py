@@ -10,7 +10,7 @@ from scipy import ndimage
 from skimage import measure
 
 from scenefw.core.errors import InputError
-from scenefw.perception.observation.points import MIN_POINTS, STRAYS
+from scenefw.perception.observation.points import MIN_POINTS
 from scenefw.perception.observation.raster import FloorRaster
 
 if TYPE_CHECKING:
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 _RASTER = FloorRaster()
 _MIN_CELLS = 4  # of a group of objects
+MAX_UNSAID_RATIO = 0.05
+"""Ratio of what rises above the floor that may be left out without a word."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +68,7 @@ def object_groups(
         mask = labels == label
         if np.ptp(_RASTER.centres(mask), axis=0).max() > side:
             outside = mask & ~_fullest_square(np.where(mask, counts, 0), side)
-            if counts[outside].sum() <= STRAYS * counts[mask].sum():
+            if counts[outside].sum() <= MAX_UNSAID_RATIO * counts[mask].sum():
                 labels = np.where(outside, 0, labels)
                 mask &= ~outside
         if mask.sum() >= _MIN_CELLS and counts[mask].sum() >= MIN_POINTS:
