@@ -116,6 +116,20 @@ def test_a_thin_object_stays_though_no_voxel_shows_it():
     assert (scene.masks == 3).any()
 
 
+@pytest.mark.parametrize(
+    "box",
+    [
+        Box((0.05, 0.08, 0.0), (0.053, 0.1, 0.03)),  # a fragment
+        Box((0.05, 0.6, 0.0), (0.15, 0.7, 0.2)),  # beyond the cube
+    ],
+)
+def test_fragments_and_what_lies_beyond_the_cube_are_left_out(box):
+    (hypothesis,), view, _ = completed((*BOXES[:2], box))
+    assert (hypothesis.objects.masks == 3).any()
+    scene = next(SceneAssembly().assemble([hypothesis], view, {}))
+    assert [item.id for item in scene.objects] == [1, 2]
+
+
 def test_the_visible_surface_stays_within_the_noise():
     (hypothesis,), view, model = completed(entry_error=0.02, noise=0.001)
     crops = model.crops

@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
+import numpy as np
 import torch
 
 from scenefw.core.types import SceneEstimate
 from scenefw.matching.instances import renumbered_like
-from scenefw.perception.estimate.carving import carve, whole_objects
+from scenefw.perception.estimate.carving import MIN_VOLUME, carve, whole_objects
 from scenefw.perception.estimate.composition import composed, shell_meshes, with_shells
 from scenefw.perception.estimate.marked_objects import called, marked_solids
 from scenefw.perception.estimate.mask_cleanup import with_bottoms, without_holes
@@ -79,7 +80,8 @@ class SceneAssembly:
         marks = marked_solids(view) if volumes[0].masks is not None else {}
         meshes = shell_meshes(sets[0].shells)
         solids = [
-            {**marks, **_placed_meshes(scene), **meshes} if meshes else marks for scene in volumes
+            {**_lasting({**_placed_meshes(scene), **meshes}, scene.masks, view), **marks}
+            for scene in volumes
         ]
         lasting = {label for meshes in solids for label in meshes}
         shell_ids: set[int] = set()
@@ -142,6 +144,27 @@ def _placed_meshes(scene: Completion) -> dict[int, TriangleMesh]:
     """Meshes of shapes, by label, some of which are too thin for voxels."""
     placed = scene.placed[0] if scene.placed else {}
     return {label: item.mesh() for label, item in placed.items()}
+
+
+def _lasting(
+    meshes: Mapping[int, TriangleMesh], masks: Tensor | None, view: Observation
+) -> dict[int, TriangleMesh]:
+    """Meshes, by label, of what is an object whatever its voxels are: too thin for them, perhaps.
+
+    Its centre lies in the cube, and as much of it is visible as of the face of a cube that is no
+    fragment.
+    """
+    if masks is None or view.image is None:
+        return {}
+    pixels, camera = masks[0].cpu().numpy(), view.image.camera
+    areas = view.image.depth.astype(np.float64) ** 2 / (camera.fx * camera.fy)
+    visible_areas = np.bincount(pixels.ravel(), areas.ravel(), minlength=max(meshes, default=0) + 1)
+    return {
+        label: mesh
+        for label, mesh in meshes.items()
+        if visible_areas[label] >= MIN_VOLUME ** (2 / 3)
+        and view.grid.nearest_voxels(mesh.vertices.mean(axis=0))[1]
+    }
 
 
 def _with_probable_shells(

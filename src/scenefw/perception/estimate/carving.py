@@ -11,7 +11,8 @@ from torch.nn import functional
 from scenefw.core.batches import PartialTSDF
 from scenefw.core.types import GridSpec
 
-_MIN_VOLUME = 3e-5  # m^3: anything smaller is a fragment, not an object
+MIN_VOLUME = 3e-5
+"""What is smaller is a fragment, no object (m^3)."""
 
 
 def carve(tsdf: Tensor, partial: PartialTSDF, grid: GridSpec) -> Tensor:
@@ -61,12 +62,12 @@ def whole_objects(
         volumes = np.bincount(parts.ravel())[1:] * grid.voxel_size**3
         order = np.argsort(-volumes, kind="stable")
         if label in lasting:
-            if volumes[order[0]] >= _MIN_VOLUME:
+            if volumes[order[0]] >= MIN_VOLUME:
                 new_labels[parts == order[0] + 1] = label
             continue
-        if volumes[order[0]] >= _MIN_VOLUME:
+        if volumes[order[0]] >= MIN_VOLUME:
             main_parts.append(parts == order[0] + 1)
-        further_parts += [parts == i + 1 for i in order[1:] if volumes[i] >= _MIN_VOLUME]
+        further_parts += [parts == i + 1 for i in order[1:] if volumes[i] >= MIN_VOLUME]
     for number, mask in enumerate([*main_parts, *further_parts], start=max(lasting, default=0) + 1):
         new_labels[mask] = number
     leftover = torch.from_numpy(inside & (new_labels == 0)).to(tsdf.device)
