@@ -13,7 +13,11 @@ from scenefw.matching.instances import renumbered_like
 from scenefw.perception.estimate.carving import MIN_VOLUME, carve, whole_objects
 from scenefw.perception.estimate.composition import composed, shell_meshes, with_shells
 from scenefw.perception.estimate.marked_objects import called, marked_solids
-from scenefw.perception.estimate.mask_cleanup import with_bottoms, without_holes
+from scenefw.perception.estimate.mask_cleanup import (
+    with_bottoms,
+    with_unmeasured_pixels,
+    without_holes,
+)
 from scenefw.perception.estimate.objects import estimate_objects
 from scenefw.perception.estimate.plausibility import objects_with, plausible
 from scenefw.perception.estimate.shape_cues import shape_cues
@@ -107,7 +111,7 @@ class SceneAssembly:
                 estimate = _with_volumes(estimate, shells)
                 objects = objects_with(estimate.objects, shell_meshes(shells))
                 estimate = self._judged(replace(estimate, objects=objects), view, agreement)
-            estimate = replace(estimate, obstacles=obstacles)
+            estimate = replace(_with_unmeasured_pixels(estimate, view), obstacles=obstacles)
             estimate = _turned_back(estimate, view.turns)
             yield called(estimate, view.ids) if marks else estimate
 
@@ -221,6 +225,21 @@ def with_confidence(
             confidence = float(calibration([[numbers[name] for name in calibration.names]])[0])
         objects.append(replace(item, confidence=confidence, cues=numbers))
     return replace(estimate, objects=tuple(objects))
+
+
+def _with_unmeasured_pixels(estimate: SceneEstimate, view: Observation) -> SceneEstimate:
+    """The scene with masks of pixels without depth, too, where there is colour."""
+    if estimate.masks is None or view.image is None or view.image.colour is None:
+        return estimate
+    points = view.points if view.workspace is None else view.workspace.points
+    masks = with_unmeasured_pixels(
+        estimate.masks,
+        np.isnan(points[..., 2]),
+        view.image.colour,
+        estimate.objects,
+        estimate.frame.camera,
+    )
+    return replace(estimate, masks=masks)
 
 
 def _turned_back(estimate: SceneEstimate, turns: int) -> SceneEstimate:

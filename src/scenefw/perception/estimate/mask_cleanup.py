@@ -1,4 +1,4 @@
-"""Masks of objects without the holes that a camera leaves in them."""
+"""Masks of objects without the gaps that a camera leaves in them."""
 
 from __future__ import annotations
 
@@ -6,16 +6,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import ndimage
+from skimage.segmentation import watershed
 
 from scenefw.core.geometry import inverse, transform_points
 from scenefw.perception.observation.components import TOUCH
 from scenefw.perception.observation.points import MINORITY
+from scenefw.perception.segmentation.colour_edges import colour_gradient
 from scenefw.shapes.vessel import Vessel
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
-    from scenefw.core.types import Float64, Int32, PlacedShape
+    from numpy.typing import NDArray
+
+    from scenefw.core.types import Camera, Float64, Int32, ObjectEstimate, PlacedShape
 
 _MIN_HEIGHT = -0.015  # m: nobody sees so far below the floor
 
@@ -73,3 +77,53 @@ def with_bottoms(masks: Int32, points: Float64, placed: Mapping[int, PlacedShape
             inside = item.shape.holds(local_points)
             new_masks[tuple(axis[inside] for axis in pixels)] = label
     return new_masks
+
+
+def with_unmeasured_pixels(
+    masks: Int32,
+    unmeasured: NDArray[np.bool_],
+    colour: NDArray[np.uint8],
+    objects: Sequence[ObjectEstimate],
+    camera: Camera,
+) -> Int32:
+    """Masks (H, W), 0 = none, of pixels without depth, too: a watershed of colour (Meyer 1994).
+
+    What is black, shines or lies in the shadow of a projector has no depth, but its colour has
+    edges. No object grows beyond the box in the image that its whole shape takes.
+
+    Args:
+        masks: (H, W) ids of objects.
+        unmeasured: (H, W) pixels without depth.
+        colour: (H, W, 3) RGB.
+        objects: whose masks these are.
+        camera: of the image, in the world frame of the objects.
+    """
+    window = np.zeros(masks.shape, dtype=bool)
+    boxes = {item.id: _image_box(item.mesh.vertices, camera) for item in objects}
+    for rows, columns in boxes.values():
+        window[rows, columns] = True
+    if not (window & unmeasured).any():
+        return masks
+    crop = ndimage.find_objects(window.astype(np.int8))[0]
+    gaps = unmeasured[crop] & (masks[crop] == 0)
+    markers = np.where(gaps, 0, masks[crop] + 1)
+    labels = np.zeros_like(masks)
+    labels[crop] = watershed(
+        colour_gradient(colour[crop]), markers, mask=ndimage.binary_dilation(gaps)
+    )
+    filled = masks.copy()
+    for label, box in boxes.items():
+        filled[box][(labels[box] == label + 1) & (masks[box] == 0) & unmeasured[box]] = label
+    return filled
+
+
+def _image_box(points: Float64, camera: Camera) -> tuple[slice, slice]:
+    """Rows and columns that world points (N, 3) before a camera take; none if one is behind it."""
+    x, y, z = transform_points(inverse(camera.T_world_camera), points).T
+    if (z <= 0).any():
+        return slice(0), slice(0)
+    sides = []
+    for pixels in (camera.fy * y / z + camera.cy, camera.fx * x / z + camera.cx):
+        start, stop = np.ceil(pixels.min()), np.floor(pixels.max()) + 1
+        sides.append(slice(max(int(start), 0), max(int(stop), 0)))
+    return sides[0], sides[1]

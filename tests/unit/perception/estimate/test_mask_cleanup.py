@@ -1,14 +1,20 @@
-"""Holes of masks, beside hole filling by scipy."""
+"""Gaps of masks, beside hole filling by scipy and the true pixels of boxes."""
 
 import numpy as np
 import pytest
+import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
-from tests.unit.perception.synthetic import camera_at
+from tests.unit.perception.synthetic import STACK, camera_at, frame_of
 
-from scenefw.core.types import Frame, PlacedShape, Pose
-from scenefw.perception.estimate.mask_cleanup import with_bottoms, without_holes
+from scenefw.core.types import Frame, PlacedShape, Pose, TriangleMesh
+from scenefw.perception.estimate.mask_cleanup import (
+    with_bottoms,
+    with_unmeasured_pixels,
+    without_holes,
+)
+from scenefw.perception.estimate.objects import estimate_objects
 from scenefw.perception.observation.points import world_points
 from scenefw.shapes.superquadric import Superquadric
 from scenefw.shapes.vessel import Vessel
@@ -94,3 +100,48 @@ def test_nothing_to_fill():
     assert not without_holes(none, np.full((5, 6), np.nan)).any()
     full = none + 2
     np.testing.assert_array_equal(without_holes(full, np.full((5, 6), np.nan)), full)
+
+
+def painted_stack(size):
+    """Camera, true ids, colour of each box and the table, and the boxes' estimates."""
+    camera = camera_at(size=size)
+    ids = frame_of(camera).labels
+    colour = np.array([[120, 120, 120], [200, 40, 30], [30, 60, 190]], dtype=np.uint8)[ids]
+    bodies = {
+        k: trimesh.creation.box(bounds=[b.lower, b.upper]) for k, b in enumerate(STACK, start=1)
+    }
+    meshes = {k: TriangleMesh(body.vertices, body.faces) for k, body in bodies.items()}
+    return camera, ids, colour, estimate_objects(meshes, {})
+
+
+@pytest.mark.parametrize("size", [(320, 240), (640, 480)])
+@given(st.integers(0, 1000))
+@settings(max_examples=10, deadline=None)
+def test_pixels_without_depth_are_of_the_object_of_their_colour(size, seed):
+    camera, ids, colour, objects = painted_stack(size)
+    noise = np.random.default_rng(seed).normal(size=ids.shape)
+    smooth = ndimage.gaussian_filter(noise, size[0] / 40)
+    unmeasured = smooth > np.quantile(smooth, 0.6)
+    masks = np.where(unmeasured, 0, ids)
+    filled = with_unmeasured_pixels(masks, unmeasured, colour, objects, camera)
+    np.testing.assert_array_equal(filled[~unmeasured], ids[~unmeasured])
+    wrong = (filled != ids) & unmeasured
+    assert wrong.sum() < 0.1 * (ids[unmeasured] > 0).sum()
+
+
+def test_no_object_grows_beyond_its_box_in_the_image():
+    """All is of one colour and nothing beside the boxes is measured."""
+    camera, ids, colour, objects = painted_stack((320, 240))
+    colour[:] = 90
+    filled = with_unmeasured_pixels(ids, ids == 0, colour, objects, camera)
+    box = ndimage.find_objects((ids > 0).astype(int))[0]
+    assert (filled[box] > 0).sum() > (ids[box] > 0).sum()
+    filled[box] = 0
+    assert not filled.any()
+
+
+def test_an_object_behind_the_camera_gains_nothing():
+    camera, ids, colour, objects = painted_stack((320, 240))
+    turned = camera.moved(camera.T_world_camera @ np.diag([-1.0, 1, -1, 1]))
+    filled = with_unmeasured_pixels(ids, ids == 0, colour, objects, turned)
+    np.testing.assert_array_equal(filled, ids)
