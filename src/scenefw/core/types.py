@@ -233,7 +233,11 @@ class PlacedShape:
     pose: Pose
 
     def mesh(self) -> TriangleMesh:
-        """Its surface in world coordinates."""
+        """Its surface in world coordinates, the same mesh each time."""
+        return self._mesh
+
+    @functools.cached_property
+    def _mesh(self) -> TriangleMesh:
         mesh = self.shape.mesh()
         return TriangleMesh(geometry.transform_points(self.pose.matrix, mesh.vertices), mesh.faces)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
@@ -38,6 +40,8 @@ class ConvexParts:
         """Corners (K, 3) of each part; empty where the convex hull does, or nothing can divide."""
         if fills_hull(mesh) >= self.convex:
             return ()
+        with contextlib.suppress(ImportError, OSError):
+            import open3d  # noqa: F401  # after CoACD its import fails (std::bad_cast)
         try:
             import coacd
         except ImportError:
