@@ -25,6 +25,7 @@ from scenefw.perception.evidence.visible_instances import visible_instances
 from scenefw.perception.observation.image_turns import turned, turned_pixels
 from scenefw.perception.observation.points import world_points
 from scenefw.perception.observation.surface_mesh import obstacles_of
+from scenefw.perception.segmentation.colour_edges import colour_gradient
 from scenefw.postprocessing.confidence import ExpectedOverlap, agreements
 from scenefw.postprocessing.surfaces import instance_meshes
 
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from scenefw.core.batches import Completion, PartialTSDF
-    from scenefw.core.types import Frame, GridSpec, Int32, TriangleMesh
+    from scenefw.core.types import Float64, Frame, GridSpec, Int32, TriangleMesh
     from scenefw.perception.observation.observation import Observation
     from scenefw.perception.steps import ObjectSet
     from scenefw.shapes.object_shell import ObjectShell
@@ -95,6 +96,8 @@ class SceneAssembly:
             scenes = scenes[:1] + [numbered_like(scene, first) for scene in scenes[1:]]
         frame = view.frame if view.workspace is None else view.workspace.frame
         obstacles = obstacles_of([view])
+        colour = None if view.image is None else view.image.colour
+        gradient = None if colour is None else colour_gradient(colour)
         for number, scene in enumerate(scenes):
             alternatives = [
                 alternative.instances[0] for i, alternative in enumerate(scenes) if i != number
@@ -111,7 +114,9 @@ class SceneAssembly:
                 estimate = _with_volumes(estimate, shells)
                 objects = objects_with(estimate.objects, shell_meshes(shells))
                 estimate = self._judged(replace(estimate, objects=objects), view, agreement)
-            estimate = replace(_with_unmeasured_pixels(estimate, view), obstacles=obstacles)
+            if gradient is not None:
+                estimate = _with_unmeasured_pixels(estimate, view, gradient)
+            estimate = replace(estimate, obstacles=obstacles)
             estimate = _turned_back(estimate, view.turns)
             yield called(estimate, view.ids) if marks else estimate
 
@@ -227,17 +232,16 @@ def with_confidence(
     return replace(estimate, objects=tuple(objects))
 
 
-def _with_unmeasured_pixels(estimate: SceneEstimate, view: Observation) -> SceneEstimate:
-    """The scene with masks of pixels without depth, too, where there is colour."""
-    if estimate.masks is None or view.image is None or view.image.colour is None:
+def _with_unmeasured_pixels(
+    estimate: SceneEstimate, view: Observation, gradient: Float64
+) -> SceneEstimate:
+    """The scene with masks of pixels without depth, too, by the gradient (H, W) of colour."""
+    if estimate.masks is None:
         return estimate
     points = view.points if view.workspace is None else view.workspace.points
+    unmeasured = np.isnan(points[..., 2])
     masks = with_unmeasured_pixels(
-        estimate.masks,
-        np.isnan(points[..., 2]),
-        view.image.colour,
-        estimate.objects,
-        estimate.frame.camera,
+        estimate.masks, unmeasured, gradient, estimate.objects, estimate.frame.camera
     )
     return replace(estimate, masks=masks)
 

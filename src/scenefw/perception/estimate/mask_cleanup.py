@@ -11,7 +11,6 @@ from skimage.segmentation import watershed
 from scenefw.core.geometry import inverse, transform_points
 from scenefw.perception.observation.components import TOUCH
 from scenefw.perception.observation.points import MINORITY
-from scenefw.perception.segmentation.colour_edges import colour_gradient
 from scenefw.shapes.vessel import Vessel
 
 if TYPE_CHECKING:
@@ -82,7 +81,7 @@ def with_bottoms(masks: Int32, points: Float64, placed: Mapping[int, PlacedShape
 def with_unmeasured_pixels(
     masks: Int32,
     unmeasured: NDArray[np.bool_],
-    colour: NDArray[np.uint8],
+    gradient: Float64,
     objects: Sequence[ObjectEstimate],
     camera: Camera,
 ) -> Int32:
@@ -94,7 +93,7 @@ def with_unmeasured_pixels(
     Args:
         masks: (H, W) ids of objects.
         unmeasured: (H, W) pixels without depth.
-        colour: (H, W, 3) RGB.
+        gradient: (H, W) of colour, as of `colour_gradient`.
         objects: whose masks these are.
         camera: of the image, in the world frame of the objects.
     """
@@ -108,9 +107,7 @@ def with_unmeasured_pixels(
     gaps = unmeasured[crop] & (masks[crop] == 0)
     markers = np.where(gaps, 0, masks[crop] + 1)
     labels = np.zeros_like(masks)
-    labels[crop] = watershed(
-        colour_gradient(colour[crop]), markers, mask=ndimage.binary_dilation(gaps)
-    )
+    labels[crop] = watershed(gradient[crop], markers, mask=ndimage.binary_dilation(gaps))
     filled = masks.copy()
     for label, box in boxes.items():
         filled[box][(labels[box] == label + 1) & (masks[box] == 0) & unmeasured[box]] = label

@@ -16,6 +16,7 @@ from scenefw.perception.estimate.mask_cleanup import (
 )
 from scenefw.perception.estimate.objects import estimate_objects
 from scenefw.perception.observation.points import world_points
+from scenefw.perception.segmentation.colour_edges import colour_gradient
 from scenefw.shapes.superquadric import Superquadric
 from scenefw.shapes.vessel import Vessel
 from scenefw_annotated_views.silhouettes import SolidViews
@@ -103,7 +104,7 @@ def test_nothing_to_fill():
 
 
 def painted_stack(size):
-    """Camera, true ids, colour of each box and the table, and the boxes' estimates."""
+    """Camera, true ids, gradient of colour of boxes and table, and the boxes' estimates."""
     camera = camera_at(size=size)
     ids = frame_of(camera).labels
     colour = np.array([[120, 120, 120], [200, 40, 30], [30, 60, 190]], dtype=np.uint8)[ids]
@@ -111,19 +112,19 @@ def painted_stack(size):
         k: trimesh.creation.box(bounds=[b.lower, b.upper]) for k, b in enumerate(STACK, start=1)
     }
     meshes = {k: TriangleMesh(body.vertices, body.faces) for k, body in bodies.items()}
-    return camera, ids, colour, estimate_objects(meshes, {})
+    return camera, ids, colour_gradient(colour), estimate_objects(meshes, {})
 
 
 @pytest.mark.parametrize("size", [(320, 240), (640, 480)])
 @given(st.integers(0, 1000))
 @settings(max_examples=10, deadline=None)
 def test_pixels_without_depth_are_of_the_object_of_their_colour(size, seed):
-    camera, ids, colour, objects = painted_stack(size)
+    camera, ids, gradient, objects = painted_stack(size)
     noise = np.random.default_rng(seed).normal(size=ids.shape)
     smooth = ndimage.gaussian_filter(noise, size[0] / 40)
     unmeasured = smooth > np.quantile(smooth, 0.6)
     masks = np.where(unmeasured, 0, ids)
-    filled = with_unmeasured_pixels(masks, unmeasured, colour, objects, camera)
+    filled = with_unmeasured_pixels(masks, unmeasured, gradient, objects, camera)
     np.testing.assert_array_equal(filled[~unmeasured], ids[~unmeasured])
     wrong = (filled != ids) & unmeasured
     assert wrong.sum() < 0.1 * (ids[unmeasured] > 0).sum()
@@ -131,9 +132,9 @@ def test_pixels_without_depth_are_of_the_object_of_their_colour(size, seed):
 
 def test_no_object_grows_beyond_its_box_in_the_image():
     """All is of one colour and nothing beside the boxes is measured."""
-    camera, ids, colour, objects = painted_stack((320, 240))
-    colour[:] = 90
-    filled = with_unmeasured_pixels(ids, ids == 0, colour, objects, camera)
+    camera, ids, gradient, objects = painted_stack((320, 240))
+    gradient[:] = 0
+    filled = with_unmeasured_pixels(ids, ids == 0, gradient, objects, camera)
     box = ndimage.find_objects((ids > 0).astype(int))[0]
     assert (filled[box] > 0).sum() > (ids[box] > 0).sum()
     filled[box] = 0
@@ -141,7 +142,7 @@ def test_no_object_grows_beyond_its_box_in_the_image():
 
 
 def test_an_object_behind_the_camera_gains_nothing():
-    camera, ids, colour, objects = painted_stack((320, 240))
+    camera, ids, gradient, objects = painted_stack((320, 240))
     turned = camera.moved(camera.T_world_camera @ np.diag([-1.0, 1, -1, 1]))
-    filled = with_unmeasured_pixels(ids, ids == 0, colour, objects, turned)
+    filled = with_unmeasured_pixels(ids, ids == 0, gradient, objects, turned)
     np.testing.assert_array_equal(filled, ids)
