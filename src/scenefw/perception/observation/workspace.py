@@ -31,6 +31,8 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _RASTER = FloorRaster()
+LEFT_OUT = "objects outside the cube"
+"""Kind of the obstacle that they are."""
 
 
 @dataclass(frozen=True)
@@ -90,6 +92,11 @@ class _Surfaces:
     def surroundings(self) -> Mask:
         """What rises and is no object."""
         return self.raised & ~self.objects
+
+    def without(self, pixels: Mask) -> _Surfaces:
+        """The same with objects of some pixels left out: an arm must not hit them all the same."""
+        obstacles = (*self.obstacles, ObstacleRegion(LEFT_OUT, pixels))
+        return replace(self, objects=self.objects & ~pixels, obstacles=obstacles)
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,11 +168,18 @@ class WorkspaceFinder:
                 raise self._nothing(frames, top, region)
             return self._bare_workspaces(surfaces, grid)
         centre, members = fitting_groups(groups, side, _names(frames))
-        left_out = [g.cells.mean(axis=0) - centre for g in groups if g not in members]
-        member_labels = [g.label for g in members]
-        member_masks = [
-            mask & np.isin(_RASTER.look_up(labels, s.points), member_labels)
-            for s, mask in zip(surfaces, object_masks, strict=True)
+        others = [g for g in groups if g not in members]
+        left_out = [g.cells.mean(axis=0) - centre for g in others]
+        member_masks, other_masks = (
+            [
+                mask & np.isin(_RASTER.look_up(labels, s.points), [g.label for g in chosen])
+                for s, mask in zip(surfaces, object_masks, strict=True)
+            ]
+            for chosen in (members, others)
+        )
+        surfaces = [
+            s.without(mask) if mask.any() else s
+            for s, mask in zip(surfaces, other_masks, strict=True)
         ]
         member_points = _points_of(surfaces, member_masks)
         size = np.append(np.ptp(member_points[:, :2], axis=0), member_points[:, 2].max())
