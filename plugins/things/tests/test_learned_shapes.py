@@ -116,6 +116,21 @@ def test_a_thin_object_stays_though_no_voxel_shows_it():
     assert (scene.masks == 3).any()
 
 
+@pytest.mark.parametrize("size", [(320, 240), (640, 480)])
+def test_pixels_without_depth_are_objects_where_colour_says_so_and_nobody_marked_them(size):
+    (hypothesis,), view, _ = completed(BOXES[:2], size=size)
+    masks = hypothesis.objects.masks
+    gap = (masks == 1) & (np.arange(size[0]) > np.median(np.nonzero(masks == 1)[1]))
+    colour = np.array([[120, 120, 120], [200, 40, 30], [30, 60, 190]], np.uint8)[masks]
+    image = replace(view.image, colour=colour, depth=np.where(gap, np.float32(0), view.depth))
+    rough = replace(hypothesis.objects, masks=np.where(gap, 0, masks).astype(np.int32))
+    for marks, ratio in ((None, 1), (rough.masks, 0)):
+        gappy = replace(view, image=image, masks=marks)
+        scene = next(SceneAssembly().assemble([replace(hypothesis, objects=rough)], gappy, {}))
+        assert (scene.masks[gap] == 1).mean() == pytest.approx(ratio, abs=0.05)
+        np.testing.assert_array_equal(scene.masks[masks == 2], 2)
+
+
 @pytest.mark.parametrize(
     "box",
     [

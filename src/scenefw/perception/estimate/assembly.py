@@ -114,7 +114,7 @@ class SceneAssembly:
                 estimate = _with_volumes(estimate, shells)
                 objects = objects_with(estimate.objects, shell_meshes(shells))
                 estimate = self._judged(replace(estimate, objects=objects), view, agreement)
-            if gradient is not None:
+            if gradient is not None and view.masks is None:  # who marks objects knows their ends
                 estimate = _with_unmeasured_pixels(estimate, view, gradient)
             estimate = replace(estimate, obstacles=obstacles)
             estimate = _turned_back(estimate, view.turns)

@@ -17,7 +17,7 @@ from scenefw.perception.observation.colour_alignment import colour_shift
 from scenefw.perception.observation.depth_reading import better_reading
 from scenefw.perception.observation.floor import FloorFinder
 from scenefw.perception.observation.object_groups import MAX_UNSAID_RATIO
-from scenefw.perception.observation.workspace import LEFT_OUT, Workspace
+from scenefw.perception.observation.workspace import OUTSIDE_CUBE, Workspace
 
 GOOD, ODD, UNUSABLE = "good", "odd", "unusable"
 """Verdicts: a prediction is made with an odd image, and none of an unusable one."""
@@ -325,7 +325,7 @@ def _check_other_surfaces(workspace: Workspace) -> list[Check]:
     parts = [
         f"{mask.sum() / total:.0%} {kind} at the {_place(mask)}"
         for kind, mask in masks.items()
-        if kind != LEFT_OUT and mask.sum() > MAX_UNSAID_RATIO * total
+        if kind != OUTSIDE_CUBE and mask.sum() > MAX_UNSAID_RATIO * total
     ]
     if not parts:
         return []

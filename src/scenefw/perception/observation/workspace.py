@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _RASTER = FloorRaster()
-LEFT_OUT = "objects outside the cube"
+OUTSIDE_CUBE = "objects outside the cube"
 """Kind of the obstacle that they are."""
 
 
@@ -95,7 +95,7 @@ class _Surfaces:
 
     def without(self, pixels: Mask) -> _Surfaces:
         """The same with objects of some pixels left out: an arm must not hit them all the same."""
-        obstacles = (*self.obstacles, ObstacleRegion(LEFT_OUT, pixels))
+        obstacles = (*self.obstacles, ObstacleRegion(OUTSIDE_CUBE, pixels))
         return replace(self, objects=self.objects & ~pixels, obstacles=obstacles)
 
 
@@ -168,18 +168,18 @@ class WorkspaceFinder:
                 raise self._nothing(frames, top, region)
             return self._bare_workspaces(surfaces, grid)
         centre, members = fitting_groups(groups, side, _names(frames))
-        others = [g for g in groups if g not in members]
-        left_out = [g.cells.mean(axis=0) - centre for g in others]
-        member_masks, other_masks = (
+        far_groups = [g for g in groups if g not in members]
+        left_out = [g.cells.mean(axis=0) - centre for g in far_groups]
+        member_masks, far_masks = (
             [
-                mask & np.isin(_RASTER.look_up(labels, s.points), [g.label for g in chosen])
+                mask & np.isin(_RASTER.look_up(labels, s.points), [g.label for g in selection])
                 for s, mask in zip(surfaces, object_masks, strict=True)
             ]
-            for chosen in (members, others)
+            for selection in (members, far_groups)
         )
         surfaces = [
             s.without(mask) if mask.any() else s
-            for s, mask in zip(surfaces, other_masks, strict=True)
+            for s, mask in zip(surfaces, far_masks, strict=True)
         ]
         member_points = _points_of(surfaces, member_masks)
         size = np.append(np.ptp(member_points[:, :2], axis=0), member_points[:, 2].max())

@@ -8,7 +8,7 @@ from scenefw.core.types import Frame, GridSpec
 from scenefw.data.files.readers import read_frames
 from scenefw.perception.observation.floor import FloorFinder
 from scenefw.perception.observation.points import world_points
-from scenefw.perception.observation.workspace import LEFT_OUT, WorkspaceFinder
+from scenefw.perception.observation.workspace import OUTSIDE_CUBE, WorkspaceFinder
 
 GRID = GridSpec()
 
@@ -64,7 +64,7 @@ def test_far_group_is_left_out_and_named():
     assert not workspace.objects[frame.labels == 3].any()
     np.testing.assert_allclose(workspace.left_out[0], (0.94, 0.34), atol=0.06)
     (obstacle,) = workspace.obstacles  # an arm must not hit it
-    assert obstacle.kind == LEFT_OUT
+    assert obstacle.kind == OUTSIDE_CUBE
     assert (frame.labels[obstacle.pixels] == 3).mean() > 0.99
     assert not workspace.frame.depth[obstacle.pixels].any()
     assert workspace.frame.depth[workspace.objects].all()
