@@ -38,7 +38,7 @@ class Pose:
         """The pose of a rigid 4x4 matrix."""
         return cls(np.array(matrix[:3, 3]), geometry.quaternion_from_rotation(matrix[:3, :3]))
 
-    @property
+    @functools.cached_property
     def rotation(self) -> Float64:
         """The rotation matrix (3, 3)."""
         return geometry.rotation_from_quaternion(self.quaternion)

@@ -11,6 +11,8 @@ from scipy.spatial.transform import Rotation
 from scenefw.core.types import Pose
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from scenefw.core.types import Float64
 
 _TAILS = (4, 96)  # percentiles that say how far a cloud extends
@@ -28,10 +30,10 @@ def box_starts(
     """
     turn = _min_rectangle_angle(points[:, :2])
     upright = [Rotation.from_euler("z", angle).as_matrix() for angle in (turn, turn + np.pi / 4)]
-    boxes = [_box(points, rotation) for rotation in (*upright, _principal(points))]
+    boxes = _boxes(points, [*upright, _principal(points)])
     if reliable_points is None or not 3 < len(reliable_points) < len(points):
         return boxes
-    return [*boxes, _box(reliable_points, _principal(reliable_points))]
+    return [*boxes, *_boxes(reliable_points, [_principal(reliable_points)])]
 
 
 def _principal(points: Float64) -> Float64:
@@ -41,11 +43,14 @@ def _principal(points: Float64) -> Float64:
     return np.asarray(axes)
 
 
-def _box(points: Float64, rotation: Float64) -> tuple[Pose, Float64]:
-    local = points @ rotation
-    low, high = np.percentile(local, _TAILS, axis=0)
-    quaternion = np.roll(Rotation.from_matrix(rotation).as_quat(), 1)
-    return Pose(rotation @ ((low + high) / 2), quaternion), np.maximum((high - low) / 2, 0.005)
+def _boxes(points: Float64, rotations: Sequence[Float64]) -> list[tuple[Pose, Float64]]:
+    """Poses and half-axes of boxes about points (N, 3), turned by each rotation (3, 3)."""
+    corners = np.percentile(points @ np.stack(rotations), _TAILS, axis=1)
+    quaternions = np.roll(Rotation.from_matrix(rotations).as_quat(), 1, axis=1)
+    return [
+        (Pose(rotation @ ((low + high) / 2), quaternion), np.maximum((high - low) / 2, 0.005))
+        for rotation, quaternion, low, high in zip(rotations, quaternions, *corners, strict=True)
+    ]
 
 
 def _min_rectangle_angle(points: Float64) -> float:

@@ -201,8 +201,8 @@ class Kernel:
                     raise
         else:
             views = [_on_cpu(a) for a in arguments]
-            types = tuple(numba.typeof(value) for value in (count, *views))
-            if types in self._compiled_for:
+            kinds = tuple(_kind(value) for value in arguments)
+            if kinds in self._compiled_for:
                 threads = numba.get_num_threads()
                 if threads == 1 or count >= self.min_shared:
                     self.cpu_loop(count, *views)
@@ -214,9 +214,10 @@ class Kernel:
                     numba.set_num_threads(threads)
                 return
             with _compiling:
+                types = tuple(numba.typeof(value) for value in (count, *views))
                 _compile_in_child(self.cpu_loop, types)
                 self.cpu_loop(count, *views)
-                self._compiled_for.add(types)
+                self._compiled_for.add(kinds)
 
     def simulate(self, count: int, *arguments: Argument) -> None:
         """Runs the CUDA grid on CPU tensors in the simulator (NUMBA_ENABLE_CUDASIM=1)."""
@@ -345,6 +346,15 @@ def _no_toolkit(error: Exception) -> MissingDependencyError:
         "as torch.version.cuda says), set CUDA_HOME to a toolkit that has nvvm, or choose "
         "device=cpu"
     )
+
+
+def _kind(argument: Argument) -> Any:
+    """What decides for which types an argument needs code, told faster than by numba."""
+    if isinstance(argument, Tensor):
+        return argument.dtype, argument.dim()
+    if isinstance(argument, tuple):
+        return tuple(map(type, argument))
+    return type(argument)
 
 
 def _on_cpu(argument: Argument) -> Any:

@@ -41,17 +41,14 @@ def moments(mesh: TriangleMesh) -> Moments:
     Of the two directions of an axis the one whose largest component is positive is taken.
     """
     origin = mesh.vertices.mean(axis=0)
-    corners = (mesh.vertices - origin)[mesh.faces]
-    first, second_corner, third = np.moveaxis(corners, 1, 0)
-    volumes = (first * np.cross(second_corner, third)).sum(axis=1) / 6
+    corners = [(mesh.vertices - origin)[column] for column in mesh.faces.T]
+    volumes = np.einsum("ij,ij->i", corners[0], np.cross(corners[1], corners[2])) / 6
     total = float(volumes.sum())
     if abs(total) < _NOTHING:
         return Moments(total, Pose(origin, np.array([1.0, 0.0, 0.0, 0.0])), np.zeros(3))
-    sums = corners.sum(axis=1)
+    sums = corners[0] + corners[1] + corners[2]
     centre = volumes @ sums / (4 * total)
-    points = corners.reshape(-1, 3)
-    second = (points * np.repeat(volumes, 3)[:, None]).T @ points
-    second = (second + (sums * volumes[:, None]).T @ sums) / (20 * total)
+    second = sum((places.T * volumes) @ places for places in (*corners, sums)) / (20 * total)
     spread, axes = np.linalg.eigh(second - np.outer(centre, centre))
     rotation = geometry.quaternion_from_rotation(_right_handed(axes[:, ::-1]))
     return Moments(total, Pose(centre + origin, rotation), np.maximum(spread[::-1], 0))

@@ -129,15 +129,18 @@ def _unit_sum(slopes: Array, offsets: Array) -> Array:
 
     The log of the sum is convex and rises with s, so Newton steps from the right never overshoot.
     """
-    s = -offsets.max(axis=-1, keepdims=True)
+    # Sums over axes of three numbers are fast where the axis comes first
+    b, r = (np.ascontiguousarray(np.moveaxis(np.broadcast_to(a, offsets.shape), -1, 0))
+            for a in (offsets, slopes))  # fmt: skip
+    s = -b.max(axis=0)
     for _ in range(60):
-        terms = np.exp(slopes * (s + offsets))
-        total = terms.sum(axis=-1, keepdims=True)
-        step = np.log(total) * total / (slopes * terms).sum(axis=-1, keepdims=True)
+        terms = np.exp(r * (s + b))
+        total = terms.sum(axis=0)
+        step = np.log(total) * total / (r * terms).sum(axis=0)
         s = s - step
         if np.abs(step).max(initial=0.0) < 1e-13:
             break
-    return slopes * (s + offsets)
+    return np.moveaxis(r * (s + b), 0, -1)
 
 
 @lru_cache(maxsize=8)

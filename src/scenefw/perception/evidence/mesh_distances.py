@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
-from scipy.spatial import cKDTree
 
 from scenefw.core.weak_cache import cached_by_identity
 from scenefw.kernels.meshes import NOTHING, Tree
@@ -19,8 +18,6 @@ if TYPE_CHECKING:
 
     from scenefw.core.types import Float32, Float64, GridSpec, Int32, TriangleMesh
 
-_MAX_SIDE = 0.012  # m: longer sides are divided, so that the nearest triangle is one of a few
-_NEIGHBOURS = 8  # triangles whose distance is computed, by distance of their middle
 _MAX_CROSSINGS = 64  # of a ray with a surface at most
 PAST_CROSSING = np.float32(1e-6)
 """From a crossing of a ray to where it goes on (m): more than what float32 rounds."""
@@ -60,25 +57,12 @@ class MeshDistances:
     def at(self, points: Float64, limit: float = np.inf) -> Float64:
         """Distances (N,) of points (N, 3) to the surface (m), negative inside.
 
-        Those beyond `limit` may be cut there.
+        Those beyond `limit` are cut there.
         """
-        from trimesh.triangles import closest_point
-
         points = np.asarray(points, dtype=np.float64)
-        if not len(points):
-            return np.zeros(0)
-        triangles, tree, longest = self._subdivision
-        count = min(_NEIGHBOURS, len(triangles))
-        middles, rows = (a.reshape(len(points), count) for a in tree.query(points, k=count))
-        near = middles[:, 0] < limit + longest  # no point of a triangle is as far from its middle
-        corners, places = triangles[rows[near].ravel()], points[near]
-        closest_points = closest_point(corners, np.repeat(places, count, axis=0))
-        distances = np.linalg.norm(
-            closest_points.reshape(len(places), count, 3) - places[:, None], axis=-1
-        )
-        min_distances = np.full(len(points), limit)
-        min_distances[near] = distances.min(axis=1)
-        return np.where(self.inside(points), -min_distances, min_distances)
+        places = torch.from_numpy(points.astype(np.float32))
+        distances = self.tree.distances(places, limit).numpy().astype(np.float64)
+        return np.where(self.inside(points), -distances, distances)
 
     def lowest(self, places: Float64) -> Float64:
         """Height (N,) of the lowest surface over places (N, 2) of the floor; NaN where is none."""
@@ -103,16 +87,6 @@ class MeshDistances:
     def tree(self) -> Tree:
         """Its triangles, for rays."""
         return Tree(self.vertices[self.faces].astype(np.float32))
-
-    @cached_property
-    def _subdivision(self) -> tuple[Float64, cKDTree, float]:
-        """Triangles (T, 3, 3) with short sides, a tree of their middles, and the longest side."""
-        from trimesh.remesh import subdivide_to_size
-
-        longest = max(_MAX_SIDE, float((self.high - self.low).max()) / 40)
-        vertices, faces = subdivide_to_size(self.vertices, self.faces, longest)
-        triangles = np.asarray(vertices[faces], dtype=np.float64)
-        return triangles, cKDTree(triangles.mean(axis=1)), longest
 
 
 distances_to = cached_by_identity(MeshDistances)

@@ -6,17 +6,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import torch
 
 from scenefw.core.geometry import inverse, transform_points
 from scenefw.core.weak_cache import cached_by_identity
-from scenefw.kernels.meshes import NOTHING
-from scenefw.perception.evidence.mesh_distances import PAST_CROSSING, distances_to
+from scenefw.kernels.mesh_depth import draw
 from scenefw.perception.observation.pixels import coarse_step
-from scenefw.perception.observation.points import rays as camera_rays
 
 if TYPE_CHECKING:
-    from scenefw.core.types import Camera, Float32, Float64, TriangleMesh
+    from scenefw.core.types import Camera, Float64, TriangleMesh
 
     Box = tuple[slice, slice]
 
@@ -53,31 +50,20 @@ def _depths(_mesh: TriangleMesh) -> dict[bytes, ObjectDepth]:
 
 def _object_depth(mesh: TriangleMesh, camera: Camera) -> ObjectDepth:
     step = coarse_step(camera.width)
-    box = _box(mesh.vertices, camera, step)
-    directions = camera_rays(camera, step)[box] @ camera.T_world_camera[:3, :3].T
-    rays = np.zeros((directions[..., 0].size, 6), np.float32)
-    rays[:, :3], rays[:, 3:] = camera.T_world_camera[:3, 3], directions.reshape(-1, 3)
-    front = _cast(mesh, rays)
-    hit = np.isfinite(front)
-    inner = rays[hit]
-    inner[:, :3] += (front[hit] + PAST_CROSSING)[:, None] * inner[:, 3:]
-    depths = np.zeros((2, *directions.shape[:2]))
-    depths[0].ravel()[hit] = front[hit]
-    depths[1].ravel()[hit] = (
-        front[hit] + PAST_CROSSING + np.nan_to_num(_cast(mesh, inner), posinf=0)
-    )
-    return ObjectDepth(box, *depths)
-
-
-def _cast(mesh: TriangleMesh, rays: Float32) -> Float32:
-    """How often its direction each ray (N, 6) goes to the mesh; infinity: it misses."""
-    distance, hit, _ = distances_to(mesh).tree.cast(torch.from_numpy(rays), table=False)
-    return np.where(hit.numpy() != NOTHING, distance.numpy(), np.float32(np.inf))
+    vertices = transform_points(inverse(camera.T_world_camera), mesh.vertices)
+    box = rows, columns = _box(vertices, camera, step)
+    shape = rows.stop - rows.start, columns.stop - columns.start
+    front, back = np.full((2, *shape), np.inf)
+    focal, centre = np.array([camera.fx, camera.fy]), np.array([camera.cx, camera.cy])
+    first = np.array([rows.start, columns.start])
+    draw(vertices, mesh.faces, focal, centre, step, first, front, back)
+    front[np.isinf(front)] = back[np.isinf(back)] = 0.0
+    return ObjectDepth(box, front, back)
 
 
 def _box(vertices: Float64, camera: Camera, step: int) -> Box:
-    """Rows and columns, in steps, about the outline of vertices (N, 3)."""
-    x, y, z = transform_points(inverse(camera.T_world_camera), vertices).T
+    """Rows and columns, in steps, about the outline of vertices (N, 3) in the camera's frame."""
+    x, y, z = vertices.T
     ahead = z > 0
     if not ahead.any():
         return slice(0, 0), slice(0, 0)

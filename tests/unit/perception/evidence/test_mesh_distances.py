@@ -1,4 +1,6 @@
 import numpy as np
+import open3d
+import pytest
 import trimesh
 from tests.unit.perception.edited_scenes import box
 
@@ -29,6 +31,17 @@ def test_distances_are_cut_beyond_a_limit_alone():
     np.testing.assert_allclose(distances[near], exact[near], atol=1e-6)
     assert (np.abs(distances[~near]) >= 0.02 - 1e-6).all()
     assert (np.sign(distances) == np.sign(exact)).all()
+
+
+@pytest.mark.parametrize("sections", [8, 40])
+def test_distances_to_a_ring_are_those_of_another_library(sections):
+    torus = trimesh.creation.torus(0.1, 0.03, major_sections=sections, minor_sections=sections)
+    mesh = TriangleMesh(np.array(torus.vertices), np.array(torus.faces))
+    points = np.random.default_rng(2).uniform(-0.2, 0.2, (2000, 3))
+    scene = open3d.t.geometry.RaycastingScene()
+    scene.add_triangles(np.float32(mesh.vertices), np.uint32(mesh.faces))
+    expected = scene.compute_signed_distance(np.float32(points)).numpy()
+    np.testing.assert_allclose(MeshDistances(mesh).at(points), expected, atol=1e-5)
 
 
 def test_a_hollow_is_outside():

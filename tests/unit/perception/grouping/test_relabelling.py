@@ -40,22 +40,22 @@ class Fixed:
 
 
 class Step:
-    """Splits or merges: adds a number to all labels, so that the order can be read."""
+    """Merges or joins: changes all labels, so that the order can be read."""
 
     def __init__(self, change):
         self.change = change
 
-    def split(self, parts, view):
-        return np.where(parts > 0, self.change(parts), 0).astype(np.int32)
+    def join(self, segments, view):
+        return np.where(segments > 0, self.change(segments), 0).astype(np.int32)
 
     def merge(self, parts, view, depth):
         assert depth is view.depth
-        return self.split(parts, view)
+        return self.join(parts, view)
 
 
-def grouping_of(rough, split=None, merge=None):
+def grouping_of(rough, merge=None, vessels=None):
     """The step of a pipeline, which learns nothing and asks nobody else."""
-    return ObjectGrouping(rough, split, merge)
+    return ObjectGrouping(rough, merge, vessels)
 
 
 def view_of_boxes(resolution, boxes=STACK):
@@ -121,7 +121,7 @@ def test_segments_are_merged_whatever_the_rough_volumes(resolution):
     np.testing.assert_array_equal(objects.instances > 0, boxes > 0)
 
 
-def test_segments_are_split_then_merged():
+def test_segments_are_merged_then_joined():
     view, labels, boxes = view_of_boxes(32)
     add, double = (Step(one) for one in (lambda k: k + 1, lambda k: 2 * k))
     objects = grouping_of(Fixed(boxes), add, double).group(labels, view)
