@@ -13,10 +13,9 @@ from scenefw.core.errors import SettingError
 from scenefw.core.evidence import FittedSuperquadric
 from scenefw.core.settings import COUNT, NOT_NEGATIVE, POSITIVE
 from scenefw.core.types import Pose
-from scenefw.fitting.placed import OUTLIERS
+from scenefw.fitting.placed import OUTLIERS, signed_distance
 from scenefw.fitting.starts import box_starts
-from scenefw.kernels.superquadric_fit import COST, DAMPING, STATE, TYPICAL, WORK, advance
-from scenefw.shapes.superquadric import Superquadric
+from scenefw.kernels.superquadric_fit import COST, DAMPING, LANES, STATE, TYPICAL, WORK, advance
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -185,6 +184,7 @@ class SuperquadricFit:
     def _advance(self, problem: _Problem, steps: int, limit: float, stiffness: float) -> None:
         count = len(problem.states)
         work = torch.empty((count, WORK), dtype=torch.float64, device=self.device)
+        lanes = torch.empty((count, LANES), dtype=torch.float32, device=self.device)
         settings = torch.tensor(
             [*np.log([*self.exponents, *self.half_axes]), stiffness],
             dtype=torch.float64,
@@ -197,6 +197,7 @@ class SuperquadricFit:
             problem.objects,
             problem.states,
             work,
+            lanes,
             settings,
             steps,
             float(limit),
@@ -219,12 +220,11 @@ class SuperquadricFit:
     def _result(self, state: Float64, evidence: Evidence) -> FittedSuperquadric:
         low, high = np.log(self.exponents)
         exponents = np.exp(low + (high - low) / (1 + np.exp(-state[15:18])))
-        shape = Superquadric(np.exp(state[12:15]), exponents)
-        rotation = state[3:12].reshape(3, 3)
-        pose = Pose(state[:3], np.roll(Rotation.from_matrix(rotation).as_quat(), 1))
-        distances = shape.first_order_distance((evidence.points - pose.position) @ pose.rotation)
+        rotation = Rotation.from_matrix(state[3:12].reshape(3, 3))
+        pose = Pose(state[:3], np.roll(rotation.as_quat(), 1))
         cost = float(state[COST])
-        return FittedSuperquadric(shape.half_axes, shape.exponents, pose, cost, distances)
+        fit = FittedSuperquadric(np.exp(state[12:15]), exponents, pose, cost, np.empty(0))
+        return replace(fit, distances=signed_distance(fit, evidence.points))
 
 
 def _reliable_points(evidence: Evidence) -> Float64:

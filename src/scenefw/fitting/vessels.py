@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -23,6 +23,7 @@ MESH_SECTIONS = 24
 _STARTS = ((0.9, 1.0), (0.5, 0.5), (0.6, 1.0))  # base and curve
 _MIN_PROFILE, _MAX_PROFILE = (0.25, 0.25), (1.15, 2.0)  # base and curve
 _WALL_RANGE = (0.0015, 0.015)  # m, thickness
+_MAX_WALL_RATIO = 0.8  # to radius and height: a vessel is hollow
 _RIM_QUANTILE = 0.9  # quantile of heights above which points are of the rim
 
 
@@ -92,11 +93,14 @@ class VesselFit:
         height = max(top - bottom, 0.01)
         low = [x - 0.1, y - 0.1, 0.012, 0.008, *_MIN_PROFILE, _WALL_RANGE[0]]
         high = [x + 0.1, y + 0.1, 0.3, 0.4, *_MAX_PROFILE, _WALL_RANGE[1]]
+        args = points, eye, bottom, top
         solutions = [
             least_squares(
-                self._residuals, np.clip([x, y, radius, height, *start, self.wall], low, high),
-                bounds=(low, high), x_scale=[0.01, 0.01, 0.01, 0.01, 0.2, 0.2, 0.001],
-                loss="soft_l1", max_nfev=self.steps, args=(points, eye, bottom, top),
+                lambda numbers: self._residuals(numbers[None], *args)[0],
+                np.clip([x, y, radius, height, *start, self.wall], low, high),
+                lambda numbers: self._jacobian(numbers, *args),
+                (low, high), x_scale=[0.01, 0.01, 0.01, 0.01, 0.2, 0.2, 0.001],
+                loss="soft_l1", max_nfev=self.steps,
             )
             for start in _STARTS
         ]  # fmt: skip
@@ -106,20 +110,46 @@ class VesselFit:
     def _residuals(
         self, numbers: Float64, points: Float64, eye: Float64, bottom: float, top: float
     ) -> Float64:
+        """Deviations (K, N + 2) of K vessels (K, 7): of points, of the rim, of the wall."""
         # Nothing is seen above the rim, which the points alone don't say
-        rim = (bottom + numbers[3] - top) / self.sigma
-        wall = (numbers[6] - self.wall) / self.wall_sigma
+        rim = (bottom + numbers[:, 3] - top) / self.sigma
+        wall = (numbers[:, 6] - self.wall) / self.wall_sigma
         weight = np.sqrt(len(points)) / 2
-        distances = _distances(numbers, points, eye, bottom)[0] / self.sigma
-        return np.append(distances, [weight * rim, wall])
+        distances = _first_order_distances(numbers, points, eye, bottom) / self.sigma
+        return np.column_stack([distances, weight * rim, wall])
+
+    def _jacobian(self, numbers: Float64, *args: Any) -> Float64:
+        """By forward differences, of all numbers at once."""
+        step = np.sqrt(np.finfo(np.float64).eps)
+        rows = numbers + step * np.eye(len(numbers) + 1, len(numbers), -1)
+        values = self._residuals(rows, *args)
+        return np.asarray((values[1:] - values[0]).T / step)
+
+
+def _first_order_distances(
+    numbers: Float64, points: Float64, eye: Float64, bottom: float
+) -> Float64:
+    """Distances (K, N) to the side of the wall that the camera sees, of K vessels (K, 7)."""
+    x, y, radius, height, base, curve, wall = numbers.T[..., None]
+    wall = np.minimum(wall, _MAX_WALL_RATIO * np.minimum(radius, height))
+    offset_x, offset_y, z = points[:, 0] - x, points[:, 1] - y, points[:, 2] - bottom
+    flat = np.hypot(offset_x, offset_y)
+    t = np.minimum(np.maximum(z, wall) / height, 1.0)
+    power = t**curve
+    slope = radius * (1 - base) * curve * power / (t * height)
+    outer = radius * (base + (1 - base) * power)
+    depth = np.minimum((outer - flat) / np.sqrt(1 + slope**2), z)
+    depth = np.where(z > height, -np.hypot(flat - radius, z - height), depth)
+    to_eye = eye - points
+    outward = (offset_x * to_eye[:, 0] + offset_y * to_eye[:, 1]) / np.maximum(flat, 1e-9)
+    return np.where(outward < slope * to_eye[:, 2], wall - depth, -depth)
 
 
 def _distances(
-    numbers: Float64, points: Float64, eye: Float64, bottom: float
+    vessel: Vessel, centre: Float64, points: Float64, eye: Float64, bottom: float
 ) -> tuple[Float64, NDArray[np.bool_]]:
     """Distances to the side of the wall that the camera sees, and which points lie inside."""
-    vessel = _vessel(numbers)
-    offsets, height = points[:, :2] - numbers[:2], points[:, 2] - bottom
+    offsets, height = points[:, :2] - centre, points[:, 2] - bottom
     radii = np.hypot(offsets[:, 0], offsets[:, 1])
     depth = vessel.depth(radii, height)
     # The wall looks outward and, where it widens upward, down
@@ -131,13 +161,13 @@ def _distances(
 
 def _vessel(numbers: Float64) -> Vessel:
     radius, height, base, curve, wall = (float(value) for value in numbers[2:])
-    return Vessel(radius, base, curve, height, min(wall, 0.8 * min(radius, height)))
+    return Vessel(radius, base, curve, height, min(wall, _MAX_WALL_RATIO * min(radius, height)))
 
 
 def _fitted_vessel(numbers: Float64, points: Float64, eye: Float64, bottom: float) -> FittedVessel:
     vessel = _vessel(numbers)
     place = np.array([numbers[0], numbers[1], bottom - vessel.bottom])
-    distances, inside = _distances(numbers, points, eye, bottom)
+    distances, inside = _distances(vessel, numbers[:2], points, eye, bottom)
     return FittedVessel(vessel, Pose.from_matrix(rigid(np.eye(3), place)), distances, inside)
 
 

@@ -4,7 +4,9 @@ A start is a row of `states`: centre (3), rotation (9), logarithms of half-axes 
 of the exponents (3), damping, cost, logarithms of the half-axes that are taken where the places say
 nothing (3). `objects` says which places it is fitted to: those of its
 surface from `first` to `middle`, those outside of it from there to `last`. A row of `work` holds
-normal equations of the state and of the next one, their factor, the step and the next state.
+normal equations of the state and of the next one, their factor, the step, the next state, and
+slopes of a block of places, and one of `lanes` the places themselves: loops over a block are
+vectorised.
 
 Distances are of first order, (1 - 1/g) / |grad ln g| of the gauge g: the factor by which the shape
 must grow to reach a place.
@@ -23,18 +25,24 @@ from scenefw.kernels.elementary import exp, log
 
 NUMBERS = 12  # 3 of the centre, 3 of the rotation, 3 logarithms of half-axes, 3 of exponents
 STATE = 23
-WORK = 512
 DAMPING, COST, TYPICAL = 18, 19, 20
 
 _EQUATIONS = NUMBERS * NUMBERS + NUMBERS
 _FACTOR = 2 * _EQUATIONS
 _STEP = _FACTOR + NUMBERS * NUMBERS
-_SLOPES = _STEP + NUMBERS
-_NEXT = _SLOPES + NUMBERS
+_NEXT = _STEP + NUMBERS
 _MOVED = 18
+_BLOCK = 64  # places whose slopes are summed at a time, in loops that compilers vectorise
+_WEIGHTED = _NEXT + _MOVED
+_WEIGHTS = _WEIGHTED + _BLOCK
+_RESIDUALS = _WEIGHTS + _BLOCK
+_SLOPES = _RESIDUALS + _BLOCK
+WORK = _SLOPES + NUMBERS * _BLOCK
+_X, _Y, _Z, _U, _V, _W, _GAUGE, _SIGMA, _SURFACE = range(0, 9 * _BLOCK, _BLOCK)
+LANES = 9 * _BLOCK
 _ZERO, _ONE = np.float32(0), np.float32(1)
 _TINY = np.float32(1e-9)
-_NEAR = np.float32(1e-5)
+_NEAR = np.float32(1e-3)  # a Newton step of less leaves an error of its square
 _DEEPEST = np.float32(-3)
 _LEAST_SLOPE = np.float32(1e-3)
 _NEWTON_STEPS = 12
@@ -51,99 +59,147 @@ def _exponent(free, low, high):
 
 
 @element
-def _gauge(ux, uy, uz, rx, ry, rz):
-    """The l with sum e^(r_i (u_i - l)) = 1, by Newton's method from below."""
-    gauge = max(ux, uy, uz)
-    for _ in range(_NEWTON_STEPS):
-        vx, vy, vz = exp(rx * (ux - gauge)), exp(ry * (uy - gauge)), exp(rz * (uz - gauge))
-        total = vx + vy + vz
-        step = log(total) * total / (rx * vx + ry * vy + rz * vz)
-        gauge += step
-        if abs(step) < _NEAR:
-            break
-    return gauge
-
-
-@element
-def _far(value):
-    """The size of a number, at least tiny."""
-    return max(abs(value), _TINY)
-
-
-@element
 def _safe(value):
     return value if abs(value) >= _TINY else _TINY
 
 
 @element
-def _evaluate(i, base, places, sigmas, objects, states, work, settings, limit):
+def _evaluate(i, base, places, sigmas, objects, states, work, lanes, settings, limit):
     """Cost per surface point of the next state; its normal equations go to `base` of the row."""
+    row, lane = work[i], lanes[i]
     for k in range(base, base + _EQUATIONS):
-        work[i, k] = 0.0
-    cx, cy, cz = work[i, _NEXT], work[i, _NEXT + 1], work[i, _NEXT + 2]
-    r00, r01, r02 = work[i, _NEXT + 3], work[i, _NEXT + 4], work[i, _NEXT + 5]
-    r10, r11, r12 = work[i, _NEXT + 6], work[i, _NEXT + 7], work[i, _NEXT + 8]
-    r20, r21, r22 = work[i, _NEXT + 9], work[i, _NEXT + 10], work[i, _NEXT + 11]
-    ax = np.float32(work[i, _NEXT + 12])
-    ay = np.float32(work[i, _NEXT + 13])
-    az = np.float32(work[i, _NEXT + 14])
-    rx, dx = _exponent(work[i, _NEXT + 15], settings[0], settings[1])
-    ry, dy = _exponent(work[i, _NEXT + 16], settings[0], settings[1])
-    rz, dz = _exponent(work[i, _NEXT + 17], settings[0], settings[1])
-    slope = base + NUMBERS * NUMBERS
-    middle = objects[i, 1]
-    cost, count = 0.0, 0
-    for p in range(objects[i, 0], objects[i, 2]):
-        on_surface = p < middle
-        count += on_surface
-        x, y, z = places[p, 0] - cx, places[p, 1] - cy, places[p, 2] - cz
+        row[k] = 0.0
+    rx, dx = _exponent(row[_NEXT + 15], settings[0], settings[1])
+    ry, dy = _exponent(row[_NEXT + 16], settings[0], settings[1])
+    rz, dz = _exponent(row[_NEXT + 17], settings[0], settings[1])
+    middle, last = objects[i, 1], objects[i, 2]
+    cost = 0.0
+    for start in range(objects[i, 0], last, _BLOCK):
+        _localise(row, lane, places, start, min(_BLOCK, last - start))
+        count = _pick(lane, sigmas, start, min(_BLOCK, last - start), middle)
+        if count > 0:
+            _gauges(lane, count, rx, ry, rz)
+            cost += _slopes(row, lane, count, rx, ry, rz, dx, dy, dz, limit)
+            _add_block(row, base, count)
+    cost += _uncommon(i, base, states, work, settings)
+    return cost / max(middle - objects[i, 0], 1)
+
+
+@element
+def _localise(row, lane, places, start, count):
+    """Places of a block in the frame of the next state, and logarithms by half-axes."""
+    cx, cy, cz = row[_NEXT], row[_NEXT + 1], row[_NEXT + 2]
+    r00, r01, r02 = row[_NEXT + 3], row[_NEXT + 4], row[_NEXT + 5]
+    r10, r11, r12 = row[_NEXT + 6], row[_NEXT + 7], row[_NEXT + 8]
+    r20, r21, r22 = row[_NEXT + 9], row[_NEXT + 10], row[_NEXT + 11]
+    ax, ay, az = (
+        np.float32(row[_NEXT + 12]),
+        np.float32(row[_NEXT + 13]),
+        np.float32(row[_NEXT + 14]),
+    )
+    for p in range(count):
+        x, y, z = places[start + p, 0] - cx, places[start + p, 1] - cy, places[start + p, 2] - cz
         lx = np.float32(x * r00 + y * r10 + z * r20)
         ly = np.float32(x * r01 + y * r11 + z * r21)
         lz = np.float32(x * r02 + y * r12 + z * r22)
-        ux = log(_far(lx)) - ax
-        uy = log(_far(ly)) - ay
-        uz = log(_far(lz)) - az
-        if not on_surface and max(ux, uy, uz) >= _ZERO:
-            continue  # beyond the box, and the gauge is no less than any of them
-        gauge = _gauge(ux, uy, uz, rx, ry, rz)
-        if not on_surface and gauge >= _ZERO:
-            continue
-        ux, uy, uz = ux - gauge, uy - gauge, uz - gauge
+        lane[_X + p], lane[_Y + p], lane[_Z + p] = lx, ly, lz
+        lane[_U + p] = log(max(abs(lx), _TINY)) - ax
+        lane[_V + p] = log(max(abs(ly), _TINY)) - ay
+        lane[_W + p] = log(max(abs(lz), _TINY)) - az
+
+
+@element
+def _pick(lane, sigmas, start, count, middle):
+    """Moves places of a block to its front that may say something; how many these are.
+
+    What is to lie outside says nothing beyond the box: the gauge is no less than any of the three.
+    """
+    picked = 0
+    for p in range(count):
+        largest = max(lane[_U + p], lane[_V + p], lane[_W + p])
+        on_surface = start + p < middle
+        if on_surface or largest < _ZERO:
+            for k in range(6):
+                lane[k * _BLOCK + picked] = lane[k * _BLOCK + p]
+            lane[_GAUGE + picked] = largest
+            lane[_SIGMA + picked] = sigmas[start + p]
+            lane[_SURFACE + picked] = _ONE if on_surface else _ZERO
+            picked += 1
+    return picked
+
+
+@element
+def _gauges(lane, count, rx, ry, rz):
+    """The g with sum e^(r_i (u_i - g)) = 1 of each place, by Newton's method from below."""
+    for _ in range(_NEWTON_STEPS):
+        squares = _ZERO
+        for p in range(count):
+            gauge = lane[_GAUGE + p]
+            vx = exp(rx * (lane[_U + p] - gauge))
+            vy = exp(ry * (lane[_V + p] - gauge))
+            vz = exp(rz * (lane[_W + p] - gauge))
+            total = vx + vy + vz
+            step = log(total) * total / (rx * vx + ry * vy + rz * vz)
+            lane[_GAUGE + p] = gauge + step
+            squares += step * step
+        if squares < _NEAR * _NEAR:
+            break
+
+
+@element
+def _slopes(row, lane, count, rx, ry, rz, dx, dy, dz, limit):
+    """Residuals of a block, their weights and slopes; what it costs."""
+    cost = 0.0
+    for p in range(count):
+        gauge = lane[_GAUGE + p]
+        lx, ly, lz = lane[_X + p], lane[_Y + p], lane[_Z + p]
+        ux, uy, uz = lane[_U + p] - gauge, lane[_V + p] - gauge, lane[_W + p] - gauge
         vx, vy, vz = exp(rx * min(ux, _ZERO)), exp(ry * min(uy, _ZERO)), exp(rz * min(uz, _ZERO))
         total = rx * vx + ry * vy + rz * vz
         sx, sy, sz = rx * vx / total, ry * vy / total, rz * vz / total
         gx, gy, gz = sx / _safe(lx), sy / _safe(ly), sz / _safe(lz)
         steep = max(np.float32(math.sqrt(gx * gx + gy * gy + gz * gz)), _LEAST_SLOPE)
         shrunk = exp(-max(gauge, _DEEPEST))
-        sigma = sigmas[p]
-        residual = (_ONE - shrunk) / (steep * sigma)
-        scale = shrunk / (steep * sigma)
-        work[i, _SLOPES] = -scale * gx
-        work[i, _SLOPES + 1] = -scale * gy
-        work[i, _SLOPES + 2] = -scale * gz
+        scale = shrunk / (steep * lane[_SIGMA + p])
+        residual = (_ONE - shrunk) / (steep * lane[_SIGMA + p])
+        row[_SLOPES + p] = -scale * gx
+        row[_SLOPES + _BLOCK + p] = -scale * gy
+        row[_SLOPES + 2 * _BLOCK + p] = -scale * gz
         # A turn w of the frame moves a local point by -w x point: the gauge by w (slope x point)
-        work[i, _SLOPES + 3] = scale * (gy * lz - gz * ly)
-        work[i, _SLOPES + 4] = scale * (gz * lx - gx * lz)
-        work[i, _SLOPES + 5] = scale * (gx * ly - gy * lx)
-        work[i, _SLOPES + 6] = -scale * sx
-        work[i, _SLOPES + 7] = -scale * sy
-        work[i, _SLOPES + 8] = -scale * sz
-        work[i, _SLOPES + 9] = scale * vx * ux / total * dx
-        work[i, _SLOPES + 10] = scale * vy * uy / total * dy
-        work[i, _SLOPES + 11] = scale * vz * uz / total * dz
+        row[_SLOPES + 3 * _BLOCK + p] = scale * (gy * lz - gz * ly)
+        row[_SLOPES + 4 * _BLOCK + p] = scale * (gz * lx - gx * lz)
+        row[_SLOPES + 5 * _BLOCK + p] = scale * (gx * ly - gy * lx)
+        row[_SLOPES + 6 * _BLOCK + p] = -scale * sx
+        row[_SLOPES + 7 * _BLOCK + p] = -scale * sy
+        row[_SLOPES + 8 * _BLOCK + p] = -scale * sz
+        row[_SLOPES + 9 * _BLOCK + p] = scale * vx * ux / total * dx
+        row[_SLOPES + 10 * _BLOCK + p] = scale * vy * uy / total * dy
+        row[_SLOPES + 11 * _BLOCK + p] = scale * vz * uz / total * dz
         square = float(residual) * residual
-        weight = 1.0
-        if on_surface:
-            softened = 1.0 + square / (limit * limit)
-            square /= softened
-            weight = 1.0 / (softened * softened)
-        cost += square
-        for a in range(NUMBERS):
-            weighted = weight * work[i, _SLOPES + a]
-            work[i, slope + a] += weighted * residual
-            for b in range(a + 1):
-                work[i, base + NUMBERS * a + b] += weighted * work[i, _SLOPES + b]
-    return (cost + _uncommon(i, base, states, work, settings)) / max(count, 1)
+        softened = 1.0 + square / (limit * limit)
+        on_surface = lane[_SURFACE + p] > _ZERO
+        says = 1.0 if on_surface or gauge < _ZERO else 0.0
+        cost += says * (square / softened if on_surface else square)
+        row[_WEIGHTS + p] = says * (1.0 / (softened * softened) if on_surface else 1.0)
+        row[_RESIDUALS + p] = residual
+    return cost
+
+
+@element
+def _add_block(row, base, block):
+    """Adds the first places of a block of slopes (NUMBERS, _BLOCK) to the normal equations."""
+    for a in range(NUMBERS):
+        for p in range(block):
+            row[_WEIGHTED + p] = row[_WEIGHTS + p] * row[_SLOPES + a * _BLOCK + p]
+        total = 0.0
+        for p in range(block):
+            total += row[_WEIGHTED + p] * row[_RESIDUALS + p]
+        row[base + NUMBERS * NUMBERS + a] += total
+        for b in range(a + 1):
+            total = 0.0
+            for p in range(block):
+                total += row[_WEIGHTED + p] * row[_SLOPES + b * _BLOCK + p]
+            row[base + NUMBERS * a + b] += total
 
 
 @element
@@ -232,12 +288,12 @@ def _turn(i, states, work):
 
 
 @element
-def _advance(i, places, sigmas, objects, states, work, settings, steps, limit):
+def _advance(i, places, sigmas, objects, states, work, lanes, settings, steps, limit):
     """Takes steps until nothing improves."""
     for k in range(_MOVED):
         work[i, _NEXT + k] = states[i, k]
     base = 0
-    cost = _evaluate(i, base, places, sigmas, objects, states, work, settings, limit)
+    cost = _evaluate(i, base, places, sigmas, objects, states, work, lanes, settings, limit)
     damping = states[i, DAMPING]
     for _ in range(steps):
         gain = -1.0
@@ -245,7 +301,9 @@ def _advance(i, places, sigmas, objects, states, work, settings, steps, limit):
             _solve(i, base, work, damping)
             _move(i, states, work, settings)
             trial_base = _EQUATIONS - base
-            trial = _evaluate(i, trial_base, places, sigmas, objects, states, work, settings, limit)
+            trial = _evaluate(
+                i, trial_base, places, sigmas, objects, states, work, lanes, settings, limit
+            )
             if trial < cost:
                 gain, cost, base = cost - trial, trial, trial_base
                 for k in range(_MOVED):
@@ -259,9 +317,9 @@ def _advance(i, places, sigmas, objects, states, work, settings, steps, limit):
 
 
 @loop
-def _advance_all(count, places, sigmas, objects, states, work, settings, steps, limit):
+def _advance_all(count, places, sigmas, objects, states, work, lanes, settings, steps, limit):
     for i in prange(count):
-        _advance(i, places, sigmas, objects, states, work, settings, steps, limit)
+        _advance(i, places, sigmas, objects, states, work, lanes, settings, steps, limit)
 
 
 advance = Kernel(_advance, _advance_all)
@@ -269,6 +327,7 @@ advance = Kernel(_advance, _advance_all)
 
 Args: count; places (P, 3) float32; their standard deviations (P,) float32; `first`, `middle` and
 `last` place of each start (S, 3) int32; states (S, STATE) float64, changed; work (S, WORK) float64;
+lanes (S, LANES) float32;
 settings (5,) float64: logarithms of the least and greatest exponent and half-axis, and stiffness;
 steps; deviations from which on places of the surface count less and
 less (Geman and McClure 1987).

@@ -9,7 +9,7 @@ from scenefw.core.errors import ConfigError
 from scenefw.core.evidence import Evidence, FittedSuperquadric
 from scenefw.core.types import Pose
 from scenefw.fitting.superquadrics import SuperquadricFit
-from scenefw.kernels.superquadric_fit import COST, STATE, TYPICAL, WORK, advance
+from scenefw.kernels.superquadric_fit import COST, LANES, STATE, TYPICAL, WORK, advance
 from scenefw.shapes.superquadric import Superquadric
 
 FIT = SuperquadricFit()
@@ -158,13 +158,13 @@ def moved(row, number, step):
 def cost_and_slope(row, points, outside, sigma, limit):
     """By the kernel, which takes no step."""
     sizes = [0, len(points), len(points) + len(outside)]
-    work = torch.zeros(1, WORK, dtype=torch.float64)
+    work, lanes = torch.zeros(1, WORK, dtype=torch.float64), torch.zeros(1, LANES)
     states = torch.from_numpy(row.copy())
     places = torch.from_numpy(np.concatenate([points, outside]).astype(np.float32))
     settings = torch.tensor([LOW, HIGH, -5, 0, 0.3], dtype=torch.float64)
     sigmas = torch.full((len(places),), sigma)
     objects = torch.tensor([sizes], dtype=torch.int32)
-    advance(1, places, sigmas, objects, states, work, settings, 0, limit)
+    advance(1, places, sigmas, objects, states, work, lanes, settings, 0, limit)
     return float(states[0, COST]), work[0, 144:156].numpy() * 2 / len(points)
 
 
