@@ -59,6 +59,12 @@ def _exponent(free, low, high):
 
 
 @element
+def _far(value):
+    """The size of a number, at least tiny."""
+    return max(abs(value), _TINY)
+
+
+@element
 def _safe(value):
     return value if abs(value) >= _TINY else _TINY
 
@@ -99,13 +105,15 @@ def _localise(row, lane, places, start, count):
     )
     for p in range(count):
         x, y, z = places[start + p, 0] - cx, places[start + p, 1] - cy, places[start + p, 2] - cz
-        lx = np.float32(x * r00 + y * r10 + z * r20)
-        ly = np.float32(x * r01 + y * r11 + z * r21)
-        lz = np.float32(x * r02 + y * r12 + z * r22)
+        lx, ly, lz = (
+            np.float32(x * r00 + y * r10 + z * r20),
+            np.float32(x * r01 + y * r11 + z * r21),
+            np.float32(x * r02 + y * r12 + z * r22),
+        )
         lane[_X + p], lane[_Y + p], lane[_Z + p] = lx, ly, lz
-        lane[_U + p] = log(max(abs(lx), _TINY)) - ax
-        lane[_V + p] = log(max(abs(ly), _TINY)) - ay
-        lane[_W + p] = log(max(abs(lz), _TINY)) - az
+        lane[_U + p] = log(_far(lx)) - ax
+        lane[_V + p] = log(_far(ly)) - ay
+        lane[_W + p] = log(_far(lz)) - az
 
 
 @element

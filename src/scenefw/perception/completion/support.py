@@ -56,10 +56,8 @@ def _extend_down(
 ) -> FittedSuperquadric:
     vertical = superquadric.pose.rotation[2]
     axis = int(np.abs(vertical).argmax())
-    bottom = float(
-        (shape_of(superquadric).mesh(EDGE_POINTS).vertices @ vertical).min()
-        + superquadric.pose.position[2]
-    )
+    lowest = shape_of(superquadric).support(-vertical)
+    bottom = float(lowest @ vertical + superquadric.pose.position[2])
     if abs(vertical[axis]) < MIN_PARALLEL_COSINE:
         return superquadric
     if bottom <= TOUCH:

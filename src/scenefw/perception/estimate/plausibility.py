@@ -164,8 +164,8 @@ class _Checks:
         neighbours = [
             vertices[((vertices >= low) & (vertices <= high)).all(axis=1)]
             for item in self.objects
-            for vertices in [item.mesh.vertices]
-            if item.id != label
+            for solid, vertices in [(distances_to(item.mesh), item.mesh.vertices)]
+            if item.id != label and (solid.low <= high).all() and (solid.high >= low).all()
         ]
         places = np.concatenate([np.empty((0, 3)), *neighbours])
         distances = cKDTree(bottom).query(places, distance_upper_bound=TOUCH)[0]
