@@ -19,7 +19,7 @@ from scenefw.perception.estimate.mask_cleanup import (
     without_holes,
 )
 from scenefw.perception.estimate.objects import estimate_objects
-from scenefw.perception.estimate.plausibility import objects_with, plausible
+from scenefw.perception.estimate.plausibility import contradicted, objects_with, plausible
 from scenefw.perception.estimate.shape_cues import shape_cues
 from scenefw.perception.evidence.visible_instances import visible_instances
 from scenefw.perception.observation.image_turns import turned, turned_pixels
@@ -107,8 +107,9 @@ class SceneAssembly:
                 scene, view.grid, frame, agreement, _details(view, origin), solids[number]
             )
             if number == 0 and meshes:
-                usual, learned = self.alternatives(estimate, meshes, view, agreement)
-                estimate, shell_ids = _with_probable_shells(usual, learned, meshes, sets[0])
+                estimate, shell_ids = self._with_probable_shells(
+                    estimate, meshes, sets[0], view, agreement
+                )
             else:
                 shells = {k: v for k, v in sets[number].shells.items() if k in shell_ids}
                 estimate = _with_volumes(estimate, shells)
@@ -120,23 +121,37 @@ class SceneAssembly:
             estimate = _turned_back(estimate, view.turns)
             yield called(estimate, view.ids) if marks else estimate
 
-    def alternatives(
+    def _with_probable_shells(
         self,
         estimate: SceneEstimate,
         meshes: Mapping[int, TriangleMesh],
+        hypothesis: ObjectSet,
         view: Observation,
         agreement: Mapping[int, float],
-    ) -> tuple[SceneEstimate, SceneEstimate]:
-        """A scene as it is and with other shapes, both judged.
+    ) -> tuple[SceneEstimate, set[int]]:
+        """The judged scene with the shells of which more overlap is to be expected, and their ids.
 
         Args:
             estimate: whose objects have no shells.
             meshes: of their shells, by id.
+            hypothesis: that has the shells.
             view: with its image.
             agreement: of hypotheses on each object, by id.
         """
         learned = replace(estimate, objects=objects_with(estimate.objects, meshes))
-        return self._judged(estimate, view, agreement), self._judged(learned, view, agreement)
+        usual = self._judged(estimate, view, agreement)
+        flawed = contradicted(learned, view) if self.carve else set()
+        if view.image is not None:
+            learned = with_confidence(learned, view, agreement, self.calibration)
+        pairs = list(zip(usual.objects, learned.objects, strict=True))
+        ids = {
+            shell.id
+            for item, shell in pairs
+            if shell.id in meshes and shell.id not in flawed and shell.confidence > item.confidence
+        }
+        objects = tuple(shell if shell.id in ids else item for item, shell in pairs)
+        scene = _with_volumes(usual, {k: hypothesis.shells[k] for k in ids})
+        return replace(scene, objects=objects), ids
 
     def _judged(
         self, estimate: SceneEstimate, view: Observation, agreement: Mapping[int, float]
@@ -174,31 +189,6 @@ def _lasting(
         if visible_areas[label] >= MIN_VOLUME ** (2 / 3)
         and view.grid.nearest_voxels(mesh.vertices.mean(axis=0))[1]
     }
-
-
-def _with_probable_shells(
-    usual: SceneEstimate,
-    learned: SceneEstimate,
-    meshes: Mapping[int, TriangleMesh],
-    hypothesis: ObjectSet,
-) -> tuple[SceneEstimate, set[int]]:
-    """The usual scene with the shells of which more overlap is to be expected, and their ids.
-
-    Args:
-        usual: without shells.
-        learned: the same objects with shells, but where these contradict the image.
-        meshes: of the shells, by id.
-        hypothesis: that has them.
-    """
-    pairs = list(zip(usual.objects, learned.objects, strict=True))
-    ids = {
-        other.id
-        for item, other in pairs
-        if other.mesh is meshes.get(other.id) and other.confidence > item.confidence
-    }
-    objects = tuple(other if item.id in ids else item for item, other in pairs)
-    scene = _with_volumes(usual, {k: hypothesis.shells[k] for k in ids})
-    return replace(scene, objects=objects), ids
 
 
 def _with_volumes(estimate: SceneEstimate, shells: Mapping[int, ObjectShell]) -> SceneEstimate:

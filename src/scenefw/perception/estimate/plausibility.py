@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 from skimage.measure import marching_cubes
 
 from scenefw.core.types import TriangleMesh
+from scenefw.core.weak_cache import cached_by_identity
 from scenefw.perception.estimate.objects import estimate_objects
 from scenefw.perception.evidence.mesh_distances import distances_to, mesh_volumes
 from scenefw.perception.evidence.object_depth import object_depth
@@ -59,6 +60,14 @@ def plausible(estimate: SceneEstimate, view: Observation) -> SceneEstimate:
     return with_meshes(estimate, changes) if changes else estimate
 
 
+def contradicted(estimate: SceneEstimate, view: Observation) -> set[int]:
+    """Ids of the objects whose shapes contradict the image, as `plausible` says it."""
+    if estimate.masks is None or view.image is None:
+        return set()
+    checks = _Checks(estimate, view)
+    return {item.id for item in estimate.objects if checks.flaws(item.mesh, item.id)}
+
+
 def with_meshes(estimate: SceneEstimate, meshes: dict[int, TriangleMesh]) -> SceneEstimate:
     """The scene with other meshes, closed, for some of its objects, and their volumes."""
     is_old = np.isin(estimate.instances, list(meshes))
@@ -86,11 +95,17 @@ def objects_with(
     return tuple(changed.get(item.id, item) for item in objects)
 
 
+@cached_by_identity
+def _hulls(_view: Observation) -> dict[tuple[bytes, float], TriangleMesh | None]:
+    """Hulls by their visible points and the height of what they stand on, for all hypotheses."""
+    return {}
+
+
 class _Checks:
     """What an image says about shapes of its objects."""
 
     def __init__(self, estimate: SceneEstimate, view: Observation) -> None:
-        self.objects, self.camera = estimate.objects, view.camera
+        self.objects, self.camera, self.hulls = estimate.objects, view.camera, _hulls(view)
         self.margin = estimate.grid.voxel_size
         self.depth: Float32 = view.depth
         if view.source is not None:
@@ -126,9 +141,13 @@ class _Checks:
             return
         support = self._support(label, points)
         for height in dict.fromkeys((support, 0.0)):
-            hull = footprint_hull(points - (0, 0, height))
-            if hull is not None:
-                yield TriangleMesh(hull.vertices + (0, 0, height), hull.faces)
+            key = points.tobytes(), height
+            if key not in self.hulls:
+                hull = footprint_hull(points - (0, 0, height))
+                self.hulls[key] = hull and TriangleMesh(hull.vertices + (0, 0, height), hull.faces)
+            mesh = self.hulls[key]
+            if mesh is not None:
+                yield mesh
         yield columns_below(points, support)
 
     def _support(self, label: int, points: Float64) -> float:
