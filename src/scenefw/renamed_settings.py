@@ -40,7 +40,7 @@ _FITS = "evaluation=draws, which has the methods that are better"
 _ALONE = "nothing: there is no other, and its settings are typed as grid.extent=2 is"
 _FIXED = "nothing: other values were no better"
 _FLOOR = "segmentation.floor_margin; the floor's noise adds three standard deviations"
-_GROUPED = "nothing: with the network that ships, segments are not cut"
+_GROUPED = "nothing: with the network that ships, pixels stay with their segments"
 _MERGED = "segmentation.merging.intercept, higher for fewer segments"
 _SMOOTHED = "nothing: images are smoothed by a pixel of one 640 wide"
 _SWITCHES = "the settings that it changed, as model.zero_share=0 (docs/training.md#sweeps)"
@@ -130,10 +130,7 @@ DELETED: Mapping[str, str] = {
     "fit.outliers": _FIXED,
     "fit.single.outliers": _FIXED,
     "fit.resolution": _FIXED,
-    **{
-        f"grouping.split{name}": _GROUPED
-        for name in ("", ".min_gain", ".max_deviation", ".min_pixels", ".min_ratio", ".rounds")
-    },
+    "grouping.split.min_ratio": "grouping.split.min_pixels",
     "reconstructor.least": _FIXED,
     "reconstructor.fit.min_points": _FIXED,
     "hollow.min_inside_ratio": "hollow.min_gain",

@@ -20,9 +20,8 @@ class SurfacePoints(NamedTuple):
 
 def face_areas(mesh: TriangleMesh) -> Float64:
     """Area of each face (F,) in m^2."""
-    import trimesh
-
-    return trimesh.triangles.area(mesh.vertices[mesh.faces])
+    first, second, third = (mesh.vertices[column] for column in mesh.faces.T)
+    return np.asarray(np.linalg.norm(np.cross(second - first, third - first), axis=1) / 2)
 
 
 def sample_surface(mesh: TriangleMesh, count: int, rng: np.random.Generator) -> SurfacePoints:

@@ -46,7 +46,7 @@ def fitted_parts(overlap=None, grid=None):
     """Superquadrics fitted to segments between creases of all views."""
     fits = SegmentFits(SuperquadricFit(), EvidenceGathering())
     merge, reassign = FitMerging(fits), ResidualReassignment(fits)
-    grouping = ObjectGrouping(HullFilling(), merge)
+    grouping = ObjectGrouping(HullFilling(), None, merge)
     joint = ViewsGrouping(merge, reassign, overlap)
     return views_fit(CreaseSegmentation(), grouping, joint, grid=grid)
 

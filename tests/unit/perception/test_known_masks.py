@@ -45,7 +45,7 @@ def test_ids_decide_which_pixels_are_one_object():
     frame = frame_of(CAMERA, ONE)
     halves = np.where(frame.labels > 0, 1 + (np.arange(320) > 150), 0)
     rough = KnownBoxes(GRID, ONE)
-    grouping = ObjectGrouping(rough)
+    grouping = ObjectGrouping(rough, None, None)
     pipeline = pipeline_of(
         segmentation=CreaseSegmentation(), grouping=grouping, grid=GRID, samples=1
     )

@@ -12,6 +12,7 @@ from scipy.ndimage import binary_erosion
 from scenefw.core.settings import NOT_NEGATIVE, SHARE, at_least
 from scenefw.fitting.placed import signed_distance
 from scenefw.fitting.vessels import MESH_SECTIONS
+from scenefw.perception.evidence.silhouettes import box_about
 from scenefw.perception.observation.pixels import WIDTH
 from scenefw.perception.observation.points import MAJORITY, MINORITY, STRAYS
 
@@ -200,11 +201,15 @@ class Vessels:
 
     def _points(self, masks: Int32, view: ViewGeometry, label: int, count: int) -> Float64:
         """At most so many points of an object, not where its image ends: they are of nothing."""
+        edge = round(self.edge_pixels * masks.shape[1] / WIDTH)
         object_mask = masks == label
-        edge = round(self.edge_pixels * object_mask.shape[1] / WIDTH)
-        inner = binary_erosion(object_mask, iterations=edge) if edge else object_mask
-        inner &= np.isfinite(view.points[..., 2])
-        points = view.points[inner if view.mixed is None else inner & ~view.mixed]
+        if not object_mask.any():
+            return np.empty((0, 3))
+        box = box_about(object_mask, edge + 1)
+        inner, measured = object_mask[box], view.points[box]
+        inner = binary_erosion(inner, iterations=edge) if edge else inner
+        inner &= np.isfinite(measured[..., 2])
+        points = measured[inner if view.mixed is None else inner & ~view.mixed[box]]
         indices = np.linspace(0, len(points) - 1, min(count, len(points))).astype(int)
         return np.asarray(points[indices], np.float64)
 

@@ -37,7 +37,7 @@ def passed_places(mask: NDArray[np.bool_], points: Float64, eye: Float64, count:
     min_distance, max_distance = (
         pixels * mask.shape[1] / WIDTH for pixels in (_MIN_DISTANCE, _MAX_DISTANCE)
     )
-    box = _box_about(mask, int(np.ceil(max_distance)) + 1)
+    box = box_about(mask, int(np.ceil(max_distance)) + 1)
     distances, (row, column) = distance_transform_edt(~mask[box], return_indices=True)
     ring = (distances >= max(min_distance, 1)) & (distances <= max(max_distance, 2))
     rays = points[box][ring] - eye
@@ -55,7 +55,7 @@ def passed_places(mask: NDArray[np.bool_], points: Float64, eye: Float64, count:
     )
 
 
-def _box_about(mask: NDArray[np.bool_], room: int) -> tuple[slice, slice]:
+def box_about(mask: NDArray[np.bool_], room: int) -> tuple[slice, slice]:
     """Rows and columns of what is marked (H, W), which is something, and `room` pixels beside."""
     rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
     return (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import combinations
 from typing import TYPE_CHECKING
 
@@ -14,7 +15,7 @@ from scenefw.perception.observation.points import DRAWS
 from scenefw.perception.segmentation.regions import hiding
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
 
     from numpy.typing import NDArray
 
@@ -62,10 +63,11 @@ class FitMerging:
         sizes = np.bincount(parts.ravel())
         large = [part for part in range(1, len(sizes)) if sizes[part] >= self.min_pixels]
         points = {part: view.points[parts == part] for part in large}
+        samples = {part: _Sample.of(points[part]) for part in large}
         groups: list[Group] = [frozenset([part]) for part in large]
         hide = hiding(parts, depth)
         pairs = [
-            (a, b) for a, b in combinations(groups, 2) if _may_be_one(a | b, points, view, hide)
+            (a, b) for a, b in combinations(groups, 2) if _may_be_one(a | b, samples, view, hide)
         ]
         single = self._fits(groups, parts, view)
         deviations = {
@@ -79,7 +81,7 @@ class FitMerging:
             groups = [group for group in groups if not group <= union]
             costs = {pair: cost for pair, cost in costs.items() if not pair & union}
             candidates = [
-                union | group for group in groups if _may_be_one(union | group, points, view, hide)
+                union | group for group in groups if _may_be_one(union | group, samples, view, hide)
             ]
             costs |= self._costs(candidates, parts, points, view, deviations)
             groups.append(union)
@@ -119,8 +121,24 @@ def _penetration(fitted: FittedSuperquadric, evidence: Evidence) -> float:
     return float(np.minimum(depth**2, OUTLIERS**2).sum() / len(evidence.points))
 
 
+@dataclass(frozen=True, eq=False)
+class _Sample:
+    """Points (N, 3) of a part, further ones, a tree of these, and the box's diagonal (m)."""
+
+    points: Float64
+    other_points: Float64
+    tree: cKDTree
+    size: float
+
+    @classmethod
+    def of(cls, points: Float64) -> _Sample:
+        rows = np.random.default_rng(0).integers(len(points), size=(2, DRAWS))
+        first, second = points[rows]
+        return cls(first, second, cKDTree(second), float(np.linalg.norm(np.ptp(first, axis=0))))
+
+
 def _may_be_one(
-    group: Group, points: dict[int, Float64], view: ViewGeometry, hide: NDArray[np.bool_]
+    group: Group, samples: Mapping[int, _Sample], view: ViewGeometry, hide: NDArray[np.bool_]
 ) -> bool:
     """Whether segments between parts, which a convex object contains, miss what is free.
 
@@ -130,11 +148,9 @@ def _may_be_one(
     for a, b in combinations(group, 2):
         if hide[a, b]:
             return False
-        rng = np.random.default_rng(0)
-        first, second = (points[part][rng.integers(len(points[part]), size=DRAWS)]
-                         for part in (a, b))  # fmt: skip
-        size = max(np.linalg.norm(np.ptp(sample, axis=0)) for sample in (first, second))
-        if cKDTree(first).query(second)[0].min() > max(_MAX_GAP_SIZES * size, _MAX_GAP):
+        first, second = samples[a].points, samples[b].other_points
+        size = max(samples[a].size, samples[b].size)
+        if samples[b].tree.query(first)[0].min() > max(_MAX_GAP_SIZES * size, _MAX_GAP):
             return False
         share = np.linspace(0.2, 0.8, 4)[:, None, None]
         voxels, inside = view.grid.nearest_voxels(first + share * (second - first))

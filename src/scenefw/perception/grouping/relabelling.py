@@ -20,6 +20,13 @@ if TYPE_CHECKING:
 _REACH = 2.0  # voxels, from a rough volume to visible points that are its
 
 
+class Splitting(Protocol):
+    """Cuts segments that hold several objects."""
+
+    def split(self, parts: Int32, view: ViewGeometry) -> Int32:
+        """Segments (H, W), 0 = none."""
+
+
 class Merging(Protocol):
     """Joins segments of one object."""
 
@@ -35,7 +42,7 @@ class Joining(Protocol):
 
 
 class ObjectGrouping:
-    """Objects from segments that are merged.
+    """Objects from segments: split and merged.
 
     The image is sharp where objects meet, so segments decide borders. In the end each voxel of a
     rough volume goes to the object of the visible point of that volume that is nearest. Volumes
@@ -44,6 +51,7 @@ class ObjectGrouping:
 
     Args:
         rough: makes volumes of segments.
+        split: cuts segments of several objects; None: none are cut.
         merge: joins segments of one object; None: none are joined.
         vessels: joins inside and outside of vessels; None: they stay apart.
     """
@@ -51,10 +59,11 @@ class ObjectGrouping:
     def __init__(
         self,
         rough: Grouping,
+        split: Splitting | None = None,
         merge: Merging | None = None,
         vessels: Joining | None = None,
     ) -> None:
-        self.rough, self.merge, self.vessels = rough, merge, vessels
+        self.rough, self.split, self.merge, self.vessels = rough, split, merge, vessels
 
     @property
     def grid(self) -> GridSpec | None:
@@ -76,6 +85,8 @@ class ObjectGrouping:
         points, grid = view.points, view.grid
         volumes = visible_instances(rough.instances, points, grid, segments > 0, _REACH)
         objects = segments
+        if not has_masks and self.split is not None:
+            objects = self.split.split(objects, view)
         if not has_masks and self.merge is not None:
             objects = self.merge.merge(objects, view, view.depth)
         if not has_masks and self.vessels is not None:

@@ -40,22 +40,22 @@ class Fixed:
 
 
 class Step:
-    """Merges or joins: changes all labels, so that the order can be read."""
+    """Splits or merges: adds a number to all labels, so that the order can be read."""
 
     def __init__(self, change):
         self.change = change
 
-    def join(self, segments, view):
-        return np.where(segments > 0, self.change(segments), 0).astype(np.int32)
+    def split(self, parts, view):
+        return np.where(parts > 0, self.change(parts), 0).astype(np.int32)
 
     def merge(self, parts, view, depth):
         assert depth is view.depth
-        return self.join(parts, view)
+        return self.split(parts, view)
 
 
-def grouping_of(rough, merge=None, vessels=None):
+def grouping_of(rough, split=None, merge=None):
     """The step of a pipeline, which learns nothing and asks nobody else."""
-    return ObjectGrouping(rough, merge, vessels)
+    return ObjectGrouping(rough, split, merge)
 
 
 def view_of_boxes(resolution, boxes=STACK):
@@ -121,7 +121,7 @@ def test_segments_are_merged_whatever_the_rough_volumes(resolution):
     np.testing.assert_array_equal(objects.instances > 0, boxes > 0)
 
 
-def test_segments_are_merged_then_joined():
+def test_segments_are_split_then_merged():
     view, labels, boxes = view_of_boxes(32)
     add, double = (Step(one) for one in (lambda k: k + 1, lambda k: 2 * k))
     objects = grouping_of(Fixed(boxes), add, double).group(labels, view)
