@@ -42,19 +42,19 @@ def draw(vertices, faces, focal, centre, step, first, front, back):
         cx, cy, cz = vertices[m, 0], vertices[m, 1], vertices[m, 2]
         if min(az, bz, cz) < _NEAR:
             continue
-        top = max(int(np.ceil(min(rows[i], rows[j], rows[m]))), 0)
-        bottom = min(int(np.floor(max(rows[i], rows[j], rows[m]))), height - 1)
-        left = max(int(np.ceil(min(columns[i], columns[j], columns[m]))), 0)
-        right = min(int(np.floor(max(columns[i], columns[j], columns[m]))), width - 1)
-        if top > bottom or left > right:
+        first_row = max(int(np.ceil(min(rows[i], rows[j], rows[m]))), 0)
+        last_row = min(int(np.floor(max(rows[i], rows[j], rows[m]))), height - 1)
+        first_column = max(int(np.ceil(min(columns[i], columns[j], columns[m]))), 0)
+        last_column = min(int(np.floor(max(columns[i], columns[j], columns[m]))), width - 1)
+        if first_row > last_row or first_column > last_column:
             continue
         px, py, pz = by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx
         qx, qy, qz = cy * az - cz * ay, cz * ax - cx * az, cx * ay - cy * ax
         rx, ry, rz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
         volume = ax * px + ay * py + az * pz
-        for row in range(top, bottom + 1):
+        for row in range(first_row, last_row + 1):
             y = ((row + first[0]) * step - centre[1]) / focal[1]
-            for column in range(left, right + 1):
+            for column in range(first_column, last_column + 1):
                 x = ((column + first[1]) * step - centre[0]) / focal[0]
                 p = x * px + y * py + pz
                 q = x * qx + y * qy + qz

@@ -1,4 +1,4 @@
-"""Triangles in a tree of boxes walked without a stack: one ray, or one place, per element.
+"""Rays through triangles: a tree of boxes walked without a stack, one ray per element.
 
 `bounds` (B, 6) float32 holds lowest and highest corners of boxes in the order of a walk down the
 tree; `links` (B, 3) int32 the box to go on with when a box is missed, and the first triangle and
@@ -21,11 +21,11 @@ from torch import Tensor
 from scenefw.core.batches import CameraBatch
 from scenefw.kernels.cameras import pixel_places
 from scenefw.kernels.compile import Kernel, element, loop
+from scenefw.kernels.mesh_distances import FARTHEST, approach
 
 ZERO = np.float32(0)
 ONE = np.float32(1)
 FAR = np.float32(1e30)
-_FARTHEST = 1e15  # m: its square is a float32
 _TINY = np.float32(1e-30)
 _EDGE = np.float32(-1e-6)  # so that no ray slips between neighbours
 _LEAF = 4
@@ -153,75 +153,6 @@ cast = Kernel(_cast, _cast_all, min_shared=4096)  # rays take about a microsecon
 """
 
 
-@element
-def _to_box(bounds, node, x, y, z):
-    """Squared distance of a place from a box."""
-    dx = max(max(bounds[node, 0] - x, x - bounds[node, 3]), ZERO)
-    dy = max(max(bounds[node, 1] - y, y - bounds[node, 4]), ZERO)
-    dz = max(max(bounds[node, 2] - z, z - bounds[node, 5]), ZERO)
-    return dx * dx + dy * dy + dz * dz
-
-
-@element
-def _ratio(part, whole):
-    """How far along a side a place lies, between its ends; 0 on sides without length."""
-    return min(max(part / whole, ZERO), ONE) if whole > _TINY else ZERO
-
-
-@element
-def _to_side(px, py, pz, sx, sy, sz):
-    """Squared distance of a place from a side that begins at the origin."""
-    t = _ratio(px * sx + py * sy + pz * sz, sx * sx + sy * sy + sz * sz)
-    dx, dy, dz = px - t * sx, py - t * sy, pz - t * sz
-    return dx * dx + dy * dy + dz * dz
-
-
-@element
-def _to_triangle(triangles, k, x, y, z):
-    """Squared distance of a place from a triangle: from its plane, else from its sides."""
-    px, py, pz = x - triangles[k, 0], y - triangles[k, 1], z - triangles[k, 2]
-    ax, ay, az = triangles[k, 3], triangles[k, 4], triangles[k, 5]
-    bx, by, bz = triangles[k, 6], triangles[k, 7], triangles[k, 8]
-    nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-    area = nx * nx + ny * ny + nz * nz
-    qx, qy, qz = py * nz - pz * ny, pz * nx - px * nz, px * ny - py * nx
-    v = ax * qx + ay * qy + az * qz
-    u = -(bx * qx + by * qy + bz * qz)
-    if area > ZERO and u >= ZERO and v >= ZERO and u + v <= area:
-        height = px * nx + py * ny + pz * nz
-        return height * height / area
-    first = _to_side(px, py, pz, ax, ay, az)
-    second = _to_side(px, py, pz, bx, by, bz)
-    third = _to_side(px - ax, py - ay, pz - az, bx - ax, by - ay, bz - az)
-    return min(first, min(second, third))
-
-
-@element
-def _approach(i, bounds, links, triangles, places, limit, distance):
-    x, y, z = places[i, 0], places[i, 1], places[i, 2]
-    best, node = limit * limit, 0
-    while node < len(links):
-        if _to_box(bounds, node, x, y, z) >= best:
-            node = links[node, 0]
-            continue
-        first = links[node, 1]
-        for k in range(first, first + links[node, 2]):
-            best = min(best, _to_triangle(triangles, k, x, y, z))
-        node += 1
-    distance[i] = np.sqrt(best)
-
-
-@loop
-def _approach_all(count, bounds, links, triangles, places, limit, distance):
-    for i in prange(count):
-        _approach(i, bounds, links, triangles, places, limit, distance)
-
-
-approach = Kernel(_approach, _approach_all)
-"""approach(P, bounds, links, triangles, places (P, 3), limit, distance (P,)): how near a place is
-to the nearest triangle (m), at most `limit`."""
-
-
 def build_tree(corners: NDArray[np.float32]) -> tuple[NDArray, NDArray, NDArray, NDArray]:
     """Bounds, links, triangles, and their order (F,) int64 among the corners (F, 3, 3), metres."""
     corners = np.ascontiguousarray(corners, dtype=np.float32)
@@ -262,7 +193,7 @@ class Tree:
     def distances(self, places: Tensor, limit: float) -> Tensor:
         """Distances (P,) of places (P, 3) to the nearest triangle (m), at most `limit`."""
         distance = places.new_empty(len(places))
-        nearest_limit = np.float32(min(limit, _FARTHEST))
+        nearest_limit = np.float32(min(limit, FARTHEST))
         tree = self.bounds, self.links, self.triangles
         approach(len(places), *tree, places, nearest_limit, distance)
         return distance

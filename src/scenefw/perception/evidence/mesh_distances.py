@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from scenefw.core.types import Float32, Float64, GridSpec, Int32, TriangleMesh
 
 _MAX_CROSSINGS = 64  # of a ray with a surface at most
-PAST_CROSSING = np.float32(1e-6)
+_PAST_CROSSING = np.float32(1e-6)
 """From a crossing of a ray to where it goes on (m): more than what float32 rounds."""
 _RAY_OFFSET = (3.1e-7, 7.3e-7)  # m: rays through edges of axis-aligned meshes would count twice
 
@@ -50,7 +50,7 @@ class MeshDistances:
             distance, hit = self._cast(start[active_rays], 1.0)
             active_rays, distance = active_rays[hit], distance[hit]
             odd_mask[active_rays] ^= True
-            start[active_rays, 2] += distance + PAST_CROSSING
+            start[active_rays, 2] += distance + _PAST_CROSSING
         inside[rows] = odd_mask
         return inside
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 class SegmentFits:
     """Fits a superquadric to each segment by itself, and remembers it until the next view.
 
-    Merging and reassignment ask for fits of the same pixels. A fit depends on the
+    Splitting, merging and reassignment ask for fits of the same pixels. A fit depends on the
     evidence about its segment alone, so each is computed once.
 
     Args:
