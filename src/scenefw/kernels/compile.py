@@ -9,10 +9,13 @@ A kernel file holds a per-element function, a CPU loop over it and a `Kernel` of
     @loop
     def _double_all(count, source, target):
         for i in prange(count):
-            _double(i, source, target)
+            _double(np.int64(i), source, target)
 
     double = Kernel(_double, _double_all)
     double(n, source, target)          # torch tensors of one device, or numbers
+
+The number is cast as numba compiles a parallel loop twice, with signed numbers and with unsigned
+ones, and all that it calls with them.
 
 The loop is spelled out because numba caches compiled code of module-level functions only. That
 code lies in a folder named by the sources of all kernels and of what they import: an edit there

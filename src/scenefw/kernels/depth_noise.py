@@ -95,7 +95,7 @@ def _light(row, depth, intrinsics, seeds, lit, size, baseline, grazing, share):
 @loop
 def _light_all(count, depth, intrinsics, seeds, lit, size, baseline, grazing, share):
     for row in prange(count):
-        _light(row, depth, intrinsics, seeds, lit, size, baseline, grazing, share)
+        _light(np.int64(row), depth, intrinsics, seeds, lit, size, baseline, grazing, share)
 
 
 @vectorised
@@ -144,7 +144,8 @@ def _measure(i, lit, intrinsics, seeds, noisy, size, baseline, sensor, share):
 @loop
 def _measure_all(count, lit, intrinsics, seeds, noisy, size, baseline, sensor, share):
     width, height = size
-    for row in prange(count // width):
+    for index in prange(count // width):
+        row = np.int64(index)
         image, v = row // height, row % height
         first = row * width
         if _is_disturbed(seeds[image], share):
@@ -185,7 +186,7 @@ def _add_noise(i, depth, seeds, noisy, pixels, lowest, sigma, share):
 @loop
 def _add_noise_all(count, depth, seeds, noisy, pixels, lowest, sigma, share):
     for i in prange(count):
-        _add_noise(i, depth, seeds, noisy, pixels, lowest, sigma, share)
+        _add_noise(np.int64(i), depth, seeds, noisy, pixels, lowest, sigma, share)
 
 
 light = Kernel(_light, _light_all)

@@ -68,7 +68,7 @@ def _meet_all(
     count, places, view, bounds, links, triangles, normals, owners, depth, facing, labels
 ):
     for lane in prange(LANES):
-        for start in range(lane * BLOCK, count, LANES * BLOCK):
+        for start in range(np.int64(lane) * BLOCK, count, LANES * BLOCK):
             for i in range(start, min(start + BLOCK, count)):
                 _meet(
                     i, places, view, bounds, links, triangles, normals, owners, depth, facing,
@@ -144,7 +144,7 @@ def _colour_all(
     visibility, is_pale, reach, colours,
 ):  # fmt: skip
     for lane in prange(LANES):
-        for start in range(lane * BLOCK, count, LANES * BLOCK):
+        for start in range(np.int64(lane) * BLOCK, count, LANES * BLOCK):
             for i in range(start, min(start + BLOCK, count)):
                 _colour(
                     i, places, view, depth, facing, labels, light, light_reach, field, n, box, key,
@@ -191,7 +191,7 @@ def _is_on_line(view, column, row, depth, label, reach):
 @loop
 def _vary_all(count, view, size, depth, facing, labels, reach, mask):
     for row in prange(count):
-        _vary(row, view, size, depth, facing, labels, reach, mask)
+        _vary(np.int64(row), view, size, depth, facing, labels, reach, mask)
 
 
 @element
@@ -255,8 +255,8 @@ def _blend_all(
 ):
     for k in prange(count):
         _blend(
-            k, pixels, numbers, width, fine_labels, fine_depth, fine_colours, labels, depth,
-            picture,
+            np.int64(k), pixels, numbers, width, fine_labels, fine_depth, fine_colours, labels,
+            depth, picture,
         )  # fmt: skip
 
 

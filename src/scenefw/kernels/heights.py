@@ -92,7 +92,7 @@ def _add_all(
 ):
     for parity in range(2):
         for k in prange(work[parity, 0]):
-            band = work[parity, k + 1]
+            band = work[parity, np.int64(k) + 1]
             n = layout[level_of(band, layout), 1]
             for j in range(starts[band], starts[band + 1]):
                 _add_pixel(order[j], cells, spots, colour, sums, heights, far, n, outlier)
@@ -113,7 +113,7 @@ def _begin(i, bands, layout, boxes, sums, heights):
 @loop
 def _begin_all(count, bands, layout, boxes, sums, heights):
     for i in prange(count):
-        _begin(i, bands, layout, boxes, sums, heights)
+        _begin(np.int64(i), bands, layout, boxes, sums, heights)
 
 
 @element
@@ -154,7 +154,7 @@ def _relax(i, bands, layout, boxes, sums, heights, damping):
 @loop
 def _relax_all(count, bands, layout, boxes, sums, heights, damping):
     for i in prange(count):
-        _relax(i, bands, layout, boxes, sums, heights, damping)
+        _relax(np.int64(i), bands, layout, boxes, sums, heights, damping)
 
 
 @element
@@ -217,7 +217,7 @@ def _merge_all(count, sums, heights, coarse, merged, level, prior):
     n = level[1]
     for row in prange(n):
         for column in range(n):
-            _merge_at(row, column, sums, heights, coarse, merged, level, prior)
+            _merge_at(np.int64(row), column, sums, heights, coarse, merged, level, prior)
 
 
 add = Kernel(_add, _add_all)

@@ -75,7 +75,7 @@ def _add_all(
     pixels, classes = size
     for parity in range(2):
         for k in prange(work[parity, 0]):
-            band = work[parity, k + 1]
+            band = work[parity, np.int64(k) + 1]
             n = layout[level_of(band, layout), 1]
             for j in range(starts[band], starts[band + 1]):
                 _add_pixel(order[j], n, cells, spots, labels, logits, pixels, classes, settings)
@@ -105,7 +105,7 @@ def _merge(i, logits, coarse, merged, level, classes):
 def _merge_all(count, logits, coarse, merged, level, classes):
     for row in prange(level[1]):
         for column in range(level[1]):
-            _merge_at(row, column, logits, coarse, merged, level, classes)
+            _merge_at(np.int64(row), column, logits, coarse, merged, level, classes)
 
 
 @element
@@ -124,7 +124,7 @@ def _normalise(i, logits, probabilities, vertices, classes):
 @loop
 def _normalise_all(count, logits, probabilities, vertices, classes):
     for i in prange(count):
-        _normalise(i, logits, probabilities, vertices, classes)
+        _normalise(np.int64(i), logits, probabilities, vertices, classes)
 
 
 @element
@@ -182,7 +182,17 @@ def _look_all(count, heights, depth, labels, intrinsics, poses, logits, size, pa
     for row in prange(top, top + count // columns):
         for column in range(left, left + columns):
             _look_at(
-                row, column, heights, depth, labels, intrinsics, poses, logits, size, box, settings
+                np.int64(row),
+                column,
+                heights,
+                depth,
+                labels,
+                intrinsics,
+                poses,
+                logits,
+                size,
+                box,
+                settings,
             )
 
 

@@ -75,7 +75,7 @@ def _approach(i, bounds, links, triangles, places, limit, distance):
 @loop
 def _approach_all(count, bounds, links, triangles, places, limit, distance):
     for i in prange(count):
-        _approach(i, bounds, links, triangles, places, limit, distance)
+        _approach(np.int64(i), bounds, links, triangles, places, limit, distance)
 
 
 approach = Kernel(_approach, _approach_all)

@@ -141,7 +141,7 @@ def _cast(i, bounds, links, triangles, rays, table, distance, hit, place):
 @loop
 def _cast_all(count, bounds, links, triangles, rays, table, distance, hit, place):
     for lane in prange(LANES):
-        for start in range(lane * BLOCK, count, LANES * BLOCK):
+        for start in range(np.int64(lane) * BLOCK, count, LANES * BLOCK):
             for i in range(start, min(start + BLOCK, count)):
                 _cast(i, bounds, links, triangles, rays, table, distance, hit, place)
 
@@ -218,48 +218,60 @@ def _empty() -> tuple[NDArray, NDArray, NDArray]:
     return bounds, np.array([[1, 0, 0]], dtype=np.int32), np.zeros(0, dtype=np.int64)
 
 
+# By elements alone: numba compiles assignments of rows and slices, and maxima, for seconds
+
+
 @njit(cache=True)
 def _build(low, high):
     """Boxes in walking order, links and the order of triangles (surface area heuristic)."""
     count = len(low)
-    order = np.arange(count)
-    centres = (low + high) * np.float32(0.5)
+    order, centres = np.empty(count, dtype=np.int64), np.empty((count, 3), dtype=np.float32)
+    for k in range(count):
+        order[k] = k
+        for axis in range(3):
+            centres[k, axis] = (low[k, axis] + high[k, axis]) * np.float32(0.5)
     bounds = np.empty((2 * count, 6), dtype=np.float32)
-    links = np.zeros((2 * count, 3), dtype=np.int32)
+    links = np.empty((2 * count, 3), dtype=np.int32)
     depths = np.empty(2 * count, dtype=np.int64)
     waiting = np.empty((count + 2, 3), dtype=np.int64)
-    waiting[0] = 0, count, 0
+    waiting[0, 0], waiting[0, 1], waiting[0, 2] = 0, count, 0
     stacked, nodes = 1, 0
     while stacked > 0:
         stacked -= 1
-        first, end, depth = waiting[stacked]
+        first, end, depth = waiting[stacked, 0], waiting[stacked, 1], waiting[stacked, 2]
         _surround(low, high, order, first, end, bounds[nodes])
         depths[nodes] = depth
-        links[nodes, 1] = first
         middle = first
         if end - first > _LEAF:
             middle = _split(low, high, centres, order, first, end)
-        if middle == first:
-            links[nodes, 2] = end - first
-        else:  # the higher half first, as cameras look down
-            halves = ((first, middle, depth + 1), (middle, end, depth + 1))
+        links[nodes, 1], links[nodes, 2] = first, end - first if middle == first else 0
+        if middle > first:  # the higher half first, as cameras look down
             upper = _top(high, order, first, middle) >= _top(high, order, middle, end)
-            waiting[stacked] = halves[1] if upper else halves[0]
-            waiting[stacked + 1] = halves[0] if upper else halves[1]
-            stacked += 2
+            for half in range(2):
+                is_first = (half == 1) == upper
+                waiting[stacked, 0] = first if is_first else middle
+                waiting[stacked, 1] = middle if is_first else end
+                waiting[stacked, 2] = depth + 1
+                stacked += 1
         nodes += 1
-    _link(links[:nodes], depths[:nodes])
+    _link(links, depths, nodes)
     return bounds[:nodes], links[:nodes], order
 
 
 @njit(cache=True)
 def _surround(low, high, order, first, end, box):
-    box[:3] = np.inf
-    box[3:] = -np.inf
+    _clear(box)
     for k in range(first, end):
         for axis in range(3):
             box[axis] = min(box[axis], low[order[k], axis])
             box[3 + axis] = max(box[3 + axis], high[order[k], axis])
+
+
+@njit(cache=True)
+def _clear(box):
+    """A box that holds nothing."""
+    for axis in range(3):
+        box[axis], box[3 + axis] = np.inf, -np.inf
 
 
 @njit(cache=True)
@@ -273,16 +285,15 @@ def _top(high, order, first, end):
 @njit(cache=True)
 def _split(low, high, centres, order, first, end):
     """Sorts triangles into two halves along the longest axis; where the second one begins."""
-    minimum, maximum = np.full(3, np.inf), np.full(3, -np.inf)
-    for k in range(first, end):
-        for axis in range(3):
-            minimum[axis] = min(minimum[axis], centres[order[k], axis])
-            maximum[axis] = max(maximum[axis], centres[order[k], axis])
-    axis = int(np.argmax(maximum - minimum))
-    width = maximum[axis] - minimum[axis]
+    box = np.empty(6)
+    _surround(centres, centres, order, first, end, box)
+    axis = int(box[4] - box[1] > box[3] - box[0])
+    if box[5] - box[2] > box[3 + axis] - box[axis]:
+        axis = 2
+    minimum, width = box[axis], box[3 + axis] - box[axis]
     if width <= 0:
         return first
-    counts, areas = _bin(low, high, centres, order, first, end, axis, minimum[axis], width)
+    counts, areas = _bin(low, high, centres, order, first, end, axis, minimum, width)
     best, split_bin = np.inf, 0
     for place in range(1, _BINS):
         if counts[0, place] > 0 and counts[1, place] > 0:
@@ -291,7 +302,7 @@ def _split(low, high, centres, order, first, end):
                 best, split_bin = cost, place
     left, right = first, end - 1
     while left <= right:
-        if _bin_of(centres[order[left], axis], minimum[axis], width) < split_bin:
+        if _bin_of(centres[order[left], axis], minimum, width) < split_bin:
             left += 1
         else:
             order[left], order[right] = order[right], order[left]
@@ -307,10 +318,9 @@ def _bin_of(value, minimum, width):
 @njit(cache=True)
 def _bin(low, high, centres, order, first, end, axis, minimum, width):
     """Numbers of triangles and areas of their boxes, left and right of each cut."""
-    boxes = np.empty((_BINS, 6))
-    boxes[:, :3] = np.inf
-    boxes[:, 3:] = -np.inf
-    bin_counts = np.zeros(_BINS)
+    boxes, bin_counts = np.empty((_BINS, 6)), np.zeros(_BINS)
+    for b in range(_BINS):
+        _clear(boxes[b])
     for k in range(first, end):
         i = order[k]
         b = _bin_of(centres[i, axis], minimum, width)
@@ -318,11 +328,10 @@ def _bin(low, high, centres, order, first, end, axis, minimum, width):
         for a in range(3):
             boxes[b, a] = min(boxes[b, a], low[i, a])
             boxes[b, 3 + a] = max(boxes[b, 3 + a], high[i, a])
-    counts, areas = np.zeros((2, _BINS)), np.zeros((2, _BINS))
+    counts, areas, box = np.zeros((2, _BINS)), np.zeros((2, _BINS)), np.empty(6)
     for side in range(2):
-        total, box = 0.0, np.empty(6)
-        box[:3] = np.inf
-        box[3:] = -np.inf
+        total = 0.0
+        _clear(box)
         for step in range(_BINS - 1):
             b = step if side == 0 else _BINS - 1 - step
             total += bin_counts[b]
@@ -337,9 +346,15 @@ def _bin(low, high, centres, order, first, end, axis, minimum, width):
 
 
 @njit(cache=True)
-def _link(links, depths):
+def _link(links, depths, count):
     """Where to go on when a box is missed: the next one in the walk that is not inside it."""
-    following = np.full(depths.max() + 1, len(links))
-    for node in range(len(links) - 1, -1, -1):
+    deepest = 0
+    for node in range(count):
+        deepest = max(deepest, depths[node])
+    following = np.empty(deepest + 1, dtype=np.int64)
+    for depth in range(deepest + 1):
+        following[depth] = count
+    for node in range(count - 1, -1, -1):
         links[node, 0] = following[depths[node]]
-        following[depths[node] :] = node
+        for depth in range(depths[node], deepest + 1):
+            following[depth] = node

@@ -95,7 +95,8 @@ def _project(i, depth, intrinsics, poses, distance, observed, size, box):
 @loop
 def _project_all(count, depth, intrinsics, poses, distance, observed, size, box):
     n, width, height = size
-    for column in prange(count // n):
+    for index in prange(count // n):
+        column = np.int64(index)
         scene = column // (n * n)
         camera = _camera(intrinsics, poses, scene, column // n % n, column % n, box)
         for iz in range(n):
@@ -200,7 +201,8 @@ def _find_nearest(i, slots, depth, intrinsics, poses, closest, size, box, sampli
 @loop
 def _find_nearest_all(count, slots, depth, intrinsics, poses, closest, size, box, sampling):
     _, width, height = size
-    for slot in prange(count // (width * height) * slots):
+    for index in prange(count // (width * height) * slots):
+        slot = np.int64(index)
         scene, part = slot // slots, slot % slots
         for v in range(-(-part * height // slots), -(-(part + 1) * height // slots)):
             for u in range(width):
@@ -220,7 +222,8 @@ def _spread(i, slots, depth, intrinsics, poses, limit, sums, size, box, sampling
 @loop
 def _spread_all(count, slots, depth, intrinsics, poses, limit, sums, size, box, sampling):
     _, width, height = size
-    for slot in prange(count // (width * height) * slots):
+    for index in prange(count // (width * height) * slots):
+        slot = np.int64(index)
         scene, part = slot // slots, slot % slots
         for v in range(-(-part * height // slots), -(-(part + 1) * height // slots)):
             for u in range(width):
@@ -254,7 +257,7 @@ def _limit_all(count, closest, limit, m):
     for row in prange(count // (m * m)):
         for y in range(m):
             for z in range(m):
-                _limit_at(row, y, z, closest, limit, m)
+                _limit_at(np.int64(row), y, z, closest, limit, m)
 
 
 @element
@@ -285,7 +288,8 @@ def _normalise(i, slots, sums, distance, size, box):
 @loop
 def _normalise_all(count, slots, sums, distance, size, box):
     n = size[0]
-    for column in prange(count // n):
+    for index in prange(count // n):
+        column = np.int64(index)
         scene, ix, iy = column // (n * n), column // n % n, column % n
         for iz in range(n):
             _normalise_at(scene, ix, iy, iz, slots, sums, distance, size, box)

@@ -83,7 +83,7 @@ def _look_all(
     surfaces, scenes, scene_indices, lenses, size, distance, label, colour,
 ):  # fmt: skip
     for lane in prange(LANES):
-        for start in range(lane * BLOCK, count, LANES * BLOCK):
+        for start in range(np.int64(lane) * BLOCK, count, LANES * BLOCK):
             for i in range(start, min(start + BLOCK, count)):
                 _look(
                     i, bounds, links, triangles, normals, colours, looks, placements, textures,
@@ -141,7 +141,7 @@ def _refine_all(
     surfaces, scenes, scene_indices, lenses, size, colour, tone, contrast, refined,
 ):  # fmt: skip
     for lane in prange(LANES):
-        for start in range(lane * BLOCK, count, LANES * BLOCK):
+        for start in range(np.int64(lane) * BLOCK, count, LANES * BLOCK):
             for i in range(start, min(start + BLOCK, count)):
                 _refine(
                     i, bounds, links, triangles, normals, colours, looks, placements, textures,

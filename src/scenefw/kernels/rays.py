@@ -214,7 +214,7 @@ def _trace_all(
 ):
     _, width, height = size
     for lane in prange(_LANES):
-        for row in range(lane, count // width, _LANES):
+        for row in range(np.int64(lane), count // width, _LANES):
             for u in range(width):
                 _trace_pixel(
                     row // height, u, row % height, volume, bounds, intrinsics, poses,
@@ -288,7 +288,7 @@ def _shade_all(
 ):
     _, width, height = size
     for lane in prange(_LANES):
-        for row in range(lane, count // width, _LANES):
+        for row in range(np.int64(lane), count // width, _LANES):
             for u in range(width):
                 _shade_pixel(
                     row // height, u, row % height,

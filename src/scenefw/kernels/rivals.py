@@ -68,7 +68,7 @@ def _vote(i, bands, layout, boxes, sums, heights, far, rivals, wins, outlier):
 @loop
 def _vote_all(count, bands, layout, boxes, sums, heights, far, rivals, wins, outlier):
     for i in prange(count):
-        _vote(i, bands, layout, boxes, sums, heights, far, rivals, wins, outlier)
+        _vote(np.int64(i), bands, layout, boxes, sums, heights, far, rivals, wins, outlier)
 
 
 @element
@@ -126,7 +126,8 @@ def _take_over(i, bands, layout, boxes, sums, heights, far, rivals, wins):
 @loop
 def _take_over_all(count, bands, layout, boxes, sums, heights, far, rivals, wins):
     for parity in range(2):  # vertices reach into the rows of the next band
-        for i in prange(count):
+        for index in prange(count):
+            i = np.int64(index)
             if bands[i] % 2 == parity:
                 _take_over(i, bands, layout, boxes, sums, heights, far, rivals, wins)
 
@@ -142,7 +143,7 @@ def _clear(i, bands, layout, boxes, far, wins):
 @loop
 def _clear_all(count, bands, layout, boxes, far, wins):
     for i in prange(count):
-        _clear(i, bands, layout, boxes, far, wins)
+        _clear(np.int64(i), bands, layout, boxes, far, wins)
 
 
 vote = Kernel(_vote, _vote_all)

@@ -115,7 +115,8 @@ def _reached(objects, scene, x, y, truncation):  # noqa: ANN001, ANN202
 @loop
 def _voxels(count, resolution, objects, grid, tsdf, votes, instances):  # noqa: ANN001, ANN202
     # By rows along z: unravelling every index costs as much as the voxels that no object reaches.
-    for row in prange(count // resolution):
+    for index in prange(count // resolution):
+        row = np.int64(index)
         column, j = row // resolution, row % resolution
         scene, n = column // resolution, column % resolution
         x, y = _centre(n, 0, grid), _centre(j, 1, grid)

@@ -180,7 +180,17 @@ def _paint_all(
 ):  # fmt: skip
     for i in prange(count):
         _paint(
-            i, colours, looks, placements, textures, surfaces, scenes, points, hits, size, painted
+            np.int64(i),
+            colours,
+            looks,
+            placements,
+            textures,
+            surfaces,
+            scenes,
+            points,
+            hits,
+            size,
+            painted,
         )
 
 

@@ -65,7 +65,7 @@ def _light(i, field, n, box, points, normals, key, values):
 @loop
 def _light_all(count, field, n, box, points, normals, key, values):
     for i in prange(count):
-        _light(i, field, n, box, points, normals, key, values)
+        _light(np.int64(i), field, n, box, points, normals, key, values)
 
 
 _lit = Kernel(_light, _light_all)

@@ -47,6 +47,7 @@ _DEEPEST = np.float32(-3)
 _LEAST_SLOPE = np.float32(1e-3)
 _NEWTON_STEPS = 12
 _TRIALS = 6
+_ANY_COST = 1e30  # more than any start costs
 _ENOUGH = 1e-5  # a gain below this share of the cost is the last
 
 
@@ -297,37 +298,34 @@ def _turn(i, states, work):
 
 @element
 def _advance(i, places, sigmas, objects, states, work, lanes, settings, steps, limit):
-    """Takes steps until nothing improves."""
+    """Takes steps until nothing improves; one call evaluates, as its code is long to compile."""
     for k in range(_MOVED):
         work[i, _NEXT + k] = states[i, k]
-    base = 0
-    cost = _evaluate(i, base, places, sigmas, objects, states, work, lanes, settings, limit)
-    damping = states[i, DAMPING]
-    for _ in range(steps):
-        gain = -1.0
-        for _ in range(_TRIALS):
-            _solve(i, base, work, damping)
-            _move(i, states, work, settings)
-            trial_base = _EQUATIONS - base
-            trial = _evaluate(
-                i, trial_base, places, sigmas, objects, states, work, lanes, settings, limit
-            )
-            if trial < cost:
-                gain, cost, base = cost - trial, trial, trial_base
-                for k in range(_MOVED):
-                    states[i, k] = work[i, _NEXT + k]
+    cost, damping, base = _ANY_COST, states[i, DAMPING], _EQUATIONS
+    taken, failed = -1, 0  # steps; the first cost is that of the start
+    while failed < _TRIALS:
+        other = _EQUATIONS - base
+        trial = _evaluate(i, other, places, sigmas, objects, states, work, lanes, settings, limit)
+        if trial < cost:
+            gain, cost, base = cost - trial, trial, other
+            for k in range(_MOVED):
+                states[i, k] = work[i, _NEXT + k]
+            if taken >= 0:
                 damping = max(damping / 4, 1e-6)
+            taken, failed = taken + 1, 0
+            if taken == steps or gain < _ENOUGH * cost:
                 break
-            damping = min(damping * 5, 1e4)
-        if gain < _ENOUGH * cost:
-            break
+        else:
+            damping, failed = min(damping * 5, 1e4), failed + 1
+        _solve(i, base, work, damping)
+        _move(i, states, work, settings)
     states[i, DAMPING], states[i, COST] = damping, cost
 
 
 @loop
 def _advance_all(count, places, sigmas, objects, states, work, lanes, settings, steps, limit):
     for i in prange(count):
-        _advance(i, places, sigmas, objects, states, work, lanes, settings, steps, limit)
+        _advance(np.int64(i), places, sigmas, objects, states, work, lanes, settings, steps, limit)
 
 
 advance = Kernel(_advance, _advance_all)

@@ -5,6 +5,7 @@
 
 import math
 
+import numpy as np
 from numba import prange
 
 from scenefw.kernels.compile import Kernel, element, loop
@@ -44,7 +45,7 @@ def _first_order(i, points, shape, distances):
 @loop
 def _first_order_all(count, points, shape, distances):
     for i in prange(count):
-        _first_order(i, points, shape, distances)
+        _first_order(np.int64(i), points, shape, distances)
 
 
 first_order = Kernel(_first_order, _first_order_all)

@@ -171,9 +171,9 @@ def _see_all(count, pixels, width, objects, intrinsics, poses, axes, exponents, 
              positions, hole_axes, hole_exponents, hole_rotations, hole_positions, present, hollow,
              depth, owners):  # fmt: skip
     for i in prange(count):
-        _see(i, pixels, width, objects, intrinsics, poses, axes, exponents, rotations, positions,
-             hole_axes, hole_exponents, hole_rotations, hole_positions, present, hollow, depth,
-             owners)  # fmt: skip
+        _see(np.int64(i), pixels, width, objects, intrinsics, poses, axes, exponents, rotations,
+             positions, hole_axes, hole_exponents, hole_rotations, hole_positions, present, hollow,
+             depth, owners)  # fmt: skip
 
 
 _see_kernel = Kernel(_see, _see_all)

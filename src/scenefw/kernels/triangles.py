@@ -82,7 +82,9 @@ def _locate(i, depth, intrinsics, poses, layout, bands, cells, spots, width, box
 def _locate_all(count, depth, intrinsics, poses, layout, bands, cells, spots, width, box):
     for v in prange(count // width):
         for u in range(width):
-            _locate_at(u, v, depth, intrinsics, poses, layout, bands, cells, spots, width, box)
+            _locate_at(
+                u, np.int64(v), depth, intrinsics, poses, layout, bands, cells, spots, width, box
+            )
 
 
 @element

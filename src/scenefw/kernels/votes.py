@@ -3,6 +3,7 @@
 import math
 
 import numba
+import numpy as np
 from numba import prange
 
 from scenefw.kernels.compile import Kernel, atomic_add, element, loop
@@ -119,7 +120,7 @@ def _shift_to_mode(i, points, weights, bandwidth, steps, modes, densities):  # n
 @loop
 def _shift_all(count, points, weights, bandwidth, steps, modes, densities):  # noqa: ANN001, ANN202
     for i in prange(count):
-        _shift_to_mode(i, points, weights, bandwidth, steps, modes, densities)
+        _shift_to_mode(np.int64(i), points, weights, bandwidth, steps, modes, densities)
 
 
 shift_to_modes = Kernel(_shift_to_mode, _shift_all)

@@ -116,7 +116,7 @@ def _cast(i, intrinsics, poses, heights, depth, vertices, width, n, box):
 def _cast_all(count, intrinsics, poses, heights, depth, vertices, width, n, box):
     for v in prange(count // width):
         for u in range(width):
-            _cast_at(u, v, intrinsics, poses, heights, depth, vertices, width, n, box)
+            _cast_at(u, np.int64(v), intrinsics, poses, heights, depth, vertices, width, n, box)
 
 
 cast = Kernel(_cast, _cast_all)

@@ -120,7 +120,8 @@ def _cost_all(
     count, slots, volume, depth, intrinsics, poses, surface, empty, slopes, size, box, sampling
 ):
     _, width, height = size
-    for slot in prange(count // (width * height) * slots):
+    for index in prange(count // (width * height) * slots):
+        slot = np.int64(index)
         view, part = slot // slots, slot % slots
         for v in range(-(-part * height // slots), -(-(part + 1) * height // slots)):
             for u in range(width):

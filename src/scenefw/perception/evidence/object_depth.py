@@ -56,7 +56,9 @@ def _object_depth(mesh: TriangleMesh, camera: Camera) -> ObjectDepth:
     front, back = np.full((2, *shape), np.inf)
     focal, centre = np.array([camera.fx, camera.fy]), np.array([camera.cx, camera.cy])
     first = np.array([rows.start, columns.start])
-    draw(vertices, mesh.faces, focal, centre, step, first, front, back)
+    # Copies are of one kind; code would be compiled for each, read-only ones among them
+    triangles = np.array(vertices, order="C"), np.array(mesh.faces, order="C")
+    draw(*triangles, focal, centre, step, first, front, back)
     front[np.isinf(front)] = back[np.isinf(back)] = 0.0
     return ObjectDepth(box, front, back)
 

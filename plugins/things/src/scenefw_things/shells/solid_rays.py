@@ -130,7 +130,7 @@ def _pass(i, pixels, width, min_gap, intrinsics, frames, solids, ends, balls, pl
 def _pass_all(count, pixels, width, min_gap, intrinsics, frames, solids, ends, balls, planes,
               intervals, depths, amodal, hollow):  # fmt: skip
     for i in prange(count):
-        _pass(i, pixels, width, min_gap, intrinsics, frames, solids, ends, balls, planes,
+        _pass(np.int64(i), pixels, width, min_gap, intrinsics, frames, solids, ends, balls, planes,
               intervals, depths, amodal, hollow)  # fmt: skip
 
 
