@@ -67,6 +67,9 @@ class NetworkLabels:
 class NetworkMapLabels:
     """Labels whole height maps with a network that was trained on crops of maps.
 
+    A map is sampled at the spacing of those that the network learned from, where its checkpoint
+    says it, so that things are as many pixels large as there.
+
     Args:
         checkpoint: a loaded checkpoint.
         window: cuts the map into windows; None takes as large ones as free memory holds.
@@ -86,15 +89,28 @@ class NetworkMapLabels:
     ) -> None:
         self.classes = agreed_classes(checkpoint, classes, "maps")
         self.window = window or SlidingWindow()
+        self.spacing: float | None = checkpoint.metadata.get("spacing")
         self.model = _ready(checkpoint.model, torch.device(device))
 
     def label_map(self, height_map: HeightMap) -> Probabilities:
         """Probabilities (C, V, V) of the classes, uniform where the map is unseen."""
-        colour = image_tensor(height_map.colour)
-        distance = torch.from_numpy(height_map.heights)[None]
-        probabilities = self.window.probabilities(self.model, colour, distance).numpy()
+        grid = height_map.grid
+        count = grid.vertices
+        if self.spacing is not None:
+            count = max(2, round(grid.extent / self.spacing) + 1)
+        there, back = _nearest(grid.vertices, count), _nearest(count, grid.vertices)
+        colour = image_tensor(height_map.colour[there][:, there])
+        distance = torch.from_numpy(height_map.heights[there][:, there])[None]
+        probabilities: Probabilities = self.window.probabilities(
+            self.model, colour, distance
+        ).numpy()[:, back][:, :, back]
         probabilities[:, ~height_map.seen] = 1 / len(self.classes)
         return probabilities
+
+
+def _nearest(length: int, count: int) -> NDArray[np.intp]:
+    """Of `length` vertices along a side those next to `count` evenly spaced ones."""
+    return np.rint(np.linspace(0, length - 1, count)).astype(np.intp)
 
 
 class TrueLabels:

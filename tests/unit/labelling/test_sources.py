@@ -57,6 +57,29 @@ def test_a_network_labels_a_map_where_it_is_seen():
     assert np.abs(found[:, 20:] - 1 / 3).max() > 0.01
 
 
+class ByHeightWindow:
+    """Labels vertices by their heights alone, and keeps the size of the map it was given."""
+
+    def probabilities(self, network, colour, distance):
+        self.size = distance.shape[1]
+        assert colour.shape == (3, *distance.shape[1:])
+        high = (distance[0] > 0.01).float()
+        return torch.stack([1 - high, high, 0 * high])
+
+
+@pytest.mark.parametrize(("spacing", "size"), [(None, 65), (1, 65), (0.5, 129), (3, 22)])
+def test_a_map_is_labelled_at_the_spacing_that_was_learned(spacing, size):
+    truth = Rectangles().truth(0)
+    network, window = checkpoint("maps"), ByHeightWindow()
+    if spacing is not None:
+        network.metadata["spacing"] = spacing * truth.grid.spacing
+    labels = NetworkMapLabels(network, window).label_map(truth).argmax(axis=0)
+    assert window.size == size
+    expected = truth.heights > 0.01
+    assert 0.02 < expected.mean() < 0.98
+    assert (labels == expected).mean() == 1 if size >= 65 else (labels == expected).mean() > 0.85
+
+
 def test_another_networks_classes_are_one_line():
     with pytest.raises(CheckpointError, match="red, blue, expected surface, coin") as caught:
         NetworkLabels(checkpoint("views"), ("surface", "coin"))

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +27,7 @@ class FusedMaps:
     Args:
         source: the scenes.
         heights: fuses their views.
-        frames: views of each scene.
+        frames: views of each scene, or numbers that scenes have in turns.
         folder: keeps the maps; None fuses them every time.
         noise: noises that the views of scenes are fused under in turns, as `in_turns`; None: none.
         seed: of the noise.
@@ -37,14 +37,15 @@ class FusedMaps:
         self,
         source: FrameSource,
         heights: HeightMapping,
-        frames: int = 200,
+        frames: int | Sequence[int] = 200,
         folder: str | Path | None = "outputs/cache/fused_maps",
         noise: Mapping[str, Mapping[str, Noise]] | None = None,
         seed: int = 0,
     ) -> None:
-        if frames < 1:
+        self.frames = (frames,) if isinstance(frames, int) else tuple(frames)
+        if not self.frames or min(self.frames) < 1:
             raise ConfigError(f"maps are fused from frames = {frames}; expected 1 view or more")
-        self.source, self.heights, self.frames = source, heights, frames
+        self.source, self.heights = source, heights
         self.folder = None if folder is None else Path(folder)
         self.noise, self.seed = dict(noise or {}), seed
 
@@ -63,21 +64,25 @@ class FusedMaps:
         return load_map(path, self.heights.grid).height_map
 
     def facts(self) -> dict[str, Any]:
-        """Number of views, and the noise of scenes, in turns."""
+        """Number of views and noise of scenes, both in turns."""
         noise = [": ".join([n, *described(noises)]) for n, noises in self.noise.items()]
-        return {"frames": self.frames, "noise": noise}
+        return {"frames": list(self.frames), "noise": noise}
 
     def _fuse(self, scene: int) -> HeightMap:
         running = self.heights.begin()
         noise = in_turns(self.noise, scene)
-        for number, frame in enumerate(self.source.frames(scene, self.frames)):
+        for number, frame in enumerate(self.source.frames(scene, self._count(scene))):
             running.add(disturb(frame, noise, self.seed, scene, number))
         return running.height_map()
+
+    def _count(self, scene: int) -> int:
+        return self.frames[scene % len(self.frames)]
 
     def _key(self, scene: int) -> str:
         """Names a map; a single view would show neither the whole scene nor how views go on."""
         noise = in_turns(self.noise, scene)
-        settings: list[Any] = [self.frames, settings_of(self.heights)]
+        count = self._count(scene)
+        settings: list[Any] = [count, settings_of(self.heights)]
         if noise:
             noise_settings = [
                 [name, settings_of(noise_model)] for name, noise_model in sorted(noise.items())
@@ -86,9 +91,7 @@ class FusedMaps:
         digest = hashlib.sha256(json.dumps(settings).encode())
         truth = self.source.truth(scene)
         parts: list[NDArray[Any] | None] = [truth.heights, truth.colour, truth.labels]
-        first, last = (
-            next(iter(self.source.frames(scene, 1, start))) for start in (0, self.frames - 1)
-        )
+        first, last = (next(iter(self.source.frames(scene, 1, start))) for start in (0, count - 1))
         for view in (first, last):
             lens = view.camera
             digest.update(repr((lens.width, lens.height)).encode() + lens.matrix.tobytes())

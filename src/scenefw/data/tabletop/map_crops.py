@@ -59,7 +59,7 @@ class MapImages(Protocol):
         """Number of maps."""
 
     def facts(self) -> dict[str, Any]:
-        """How they were made, as plain data; nothing for true maps."""
+        """How they were made, as plain data; true maps have only a spacing."""
 
     def load(self, device: torch.device) -> LabelledMaps:
         """All maps, on a device."""
@@ -228,8 +228,9 @@ class StoredMaps:
         return len(self.source)
 
     def facts(self) -> dict[str, Any]:
-        """How they were fused."""
-        return {} if self.fused is None else self.fused.facts()
+        """Their spacing (m), and how they were fused."""
+        spacing = self.source.truth(0).grid.spacing
+        return {"spacing": spacing, **({} if self.fused is None else self.fused.facts())}
 
     def load(self, device: torch.device) -> LabelledMaps:
         """All maps, on a device."""
@@ -272,8 +273,8 @@ class RenderedMaps:
         return len(self.source)
 
     def facts(self) -> dict[str, Any]:
-        """Nothing: they are true."""
-        return {}
+        """Their spacing (m); else nothing: they are true."""
+        return {"spacing": self.source.grid.spacing}
 
     def load(self, device: torch.device) -> LabelledMaps:
         """All maps, on a device."""

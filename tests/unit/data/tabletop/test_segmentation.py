@@ -80,7 +80,8 @@ def test_facts_say_what_is_seen_and_how_it_is_disturbed():
         "scenes": 2,
         "height_noise": 0.0,
         "unseen": 0.25,
-        "frames": 7,
+        "frames": [7],
+        "spacing": Rectangles().truth(0).grid.spacing,
         "noise": ["exact", f"rough: {words[0]}: {words[1]}"],
     }
     assert "noise" not in MapCrops(StoredMaps(Rectangles()), 3, (24, 16)).facts()
