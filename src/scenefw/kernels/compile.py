@@ -41,6 +41,7 @@ import threading
 import time
 import warnings
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -50,6 +51,7 @@ import torch
 from llvmlite.binding import ffi
 from numba import cuda
 from numba.core.compiler_lock import global_compiler_lock
+from numba.core.sigutils import normalize_signature
 from numba.extending import overload
 from torch import Tensor
 
@@ -112,6 +114,7 @@ vectorised = numba.njit(inline="always", **_MATHS)
 
 _simulated = threading.Lock()  # numba's CUDA simulator runs Python threads
 _compiling = threading.Lock()  # one thread compiles, others wait for what it makes
+_declared: list[tuple[Any, str]] = []
 
 
 def atomic_add(array: Any, index: Any, value: Any) -> None:
@@ -172,6 +175,7 @@ class Kernel:
         cpu_loop: function of (count, *arguments), made by `loop`.
         min_shared: fewer elements are one CPU thread's: waking others takes longer, most of all
             beside other processes.
+        types: as of `declare`, if predictions or their pictures run the kernel.
     """
 
     def __init__(
@@ -179,10 +183,13 @@ class Kernel:
         per_element: Callable[..., None],
         cpu_loop: Callable[..., None],
         min_shared: int = 1,
+        types: str | None = None,
     ) -> None:
         self.per_element = per_element
         self.cpu_loop = cpu_loop
         self.min_shared = min_shared
+        if types is not None:
+            declare(cpu_loop, types)
         self._cuda_grid: Any = None
         self._compiled_for: set[tuple[Any, ...]] = set()
 
@@ -233,6 +240,26 @@ class Kernel:
         if self._cuda_grid is None:
             self._cuda_grid = _cuda_grid(self.per_element)
         return self._cuda_grid
+
+
+def declare(function: Any, types: str) -> None:
+    """Says for which types predictions and their pictures call a function: see `compile_ahead`.
+
+    Args:
+        function: what numba caches.
+        types: numba's, of all arguments, such as `i8, f4[:, ::1]`.
+    """
+    _declared.append((function, types))
+
+
+@functools.cache
+def compile_ahead() -> None:
+    """Compiles what predictions call on a CPU, on all cores at a time, where it isn't cached."""
+    calls = [(function, normalize_signature(f"({types})")[0]) for function, types in _declared]
+    missing = [call for call in calls if not _in_cache(*call)]
+    if missing:
+        with _compiling, ThreadPoolExecutor(numba.get_num_threads()) as threads:
+            list(threads.map(lambda call: _compile_in_child(*call), missing))
 
 
 def _compile_in_child(function: Any, types: tuple[Any, ...]) -> None:

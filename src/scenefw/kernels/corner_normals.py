@@ -7,6 +7,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from scenefw.kernels.compile import declare
+
 _TINY = 1e-15
 
 
@@ -37,15 +39,15 @@ def _means(faces, vertices, crossed, normals, smooth):
             starts[faces[face, k] + 1] += 1
     for vertex in range(vertices):
         starts[vertex + 1] += starts[vertex]
-    order, filled = np.empty(3 * count, dtype=np.int64), starts[:-1].copy()
+    order, filled = np.empty(3 * count, dtype=np.int64), np.zeros(vertices, dtype=np.int64)
     for face in range(count):
         for k in range(3):
             vertex = faces[face, k]
-            order[filled[vertex]] = face
+            order[starts[vertex] + filled[vertex]] = face
             filled[vertex] += 1
     means = np.empty((count, 3, 3))
     for face in range(count):
-        a, b, c = normals[face]
+        a, b, c = normals[face, 0], normals[face, 1], normals[face, 2]
         for k in range(3):
             x, y, z = 0.0, 0.0, 0.0
             vertex = faces[face, k]
@@ -61,8 +63,14 @@ def _means(faces, vertices, crossed, normals, smooth):
                     y += crossed[neighbour, 1]
                     z += crossed[neighbour, 2]
             length = np.sqrt(x * x + y * y + z * z)
-            if length > _TINY:
-                means[face, k] = x / length, y / length, z / length
-            else:
-                means[face, k] = a, b, c
+            if length <= _TINY:
+                x, y, z, length = a, b, c, 1.0
+            means[face, k, 0], means[face, k, 1], means[face, k, 2] = (
+                x / length,
+                y / length,
+                z / length,
+            )
     return means
+
+
+declare(_means, "i8[:, ::1], i8, f8[:, ::1], f8[:, ::1], f8")

@@ -260,13 +260,25 @@ def _blend_all(
         )  # fmt: skip
 
 
-meet = Kernel(_meet, _meet_all)
+_VIEW = "f4[:, ::1], UniTuple(f4, 16)"
+
+meet = Kernel(
+    _meet,
+    _meet_all,
+    types=f"i8, {_VIEW}, f4[:, ::1], i4[:, ::1], f4[:, ::1], f4[:, ::1], i4[::1], "
+    "f4[::1], f4[:, ::1], i4[::1]",
+)
 """meet(N, places, view, bounds, links, triangles, normals, owners, depth, facing, labels).
 
 The tree is that of `meshes`; `normals` (F, 9) are of the corners of its triangles, `owners` (F,)
 their labels. Found are `depth` (N,), normals `facing` (N, 3) towards the eye, `labels` (N,) int32.
 """
-colour = Kernel(_colour, _colour_all)
+colour = Kernel(
+    _colour,
+    _colour_all,
+    types=f"i8, {_VIEW}, f4[::1], f4[:, ::1], i4[::1], f4[:, ::1], f4, f4[::1], i8, "
+    "UniTuple(f4, 4), UniTuple(f4, 3), f4[:, ::1], f4[::1], b1, f4, f4[:, ::1]",
+)
 """colour(N, places, view, depth, facing, labels, light, light_reach, field, n, box, key, palette,
 visibility, is_pale, reach, colours): colours (N, 3) of what rays meet; white where they meet
 nothing.
@@ -276,11 +288,19 @@ objects as there. `palette` (L, 3) has a row per label, the first one for labels
 `visibility` (n^3,) is read if `is_pale`: objects are pale where it is 0. The floor fades at `reach`
 (m).
 """
-varied = Kernel(_vary, _vary_all)
+varied = Kernel(
+    _vary,
+    _vary_all,
+    types="i8, UniTuple(f4, 16), UniTuple(i8, 2), f4[::1], f4[:, ::1], i4[::1], f4, b1[::1]",
+)
 """varied(rows, view, (width, height), depth, facing, labels, reach, mask): beside which pixels
 something else is seen, or a line of the floor (bool). Rays went through all pixels, row by row; an
 element is a row, as divisions by its length would take most of the time."""
-blend = Kernel(_blend, _blend_all)
+blend = Kernel(
+    _blend,
+    _blend_all,
+    types="i8, i8[::1], i4[::1], i8, i4[::1], f4[::1], f4[:, ::1], i4[::1], f4[::1], f4[:, ::1]",
+)
 """blend(K, pixels, numbers, width, fine_labels, fine_depth, fine_colours, labels, depth, picture).
 
 The pixels (K,) int64 of `picture` (H W, 3) become the mean of four rays (K 4, ...) each, row by

@@ -8,6 +8,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from scenefw.kernels.compile import declare
+
 _NEAR = 1e-6  # m before the camera: what is nearer isn't drawn
 
 
@@ -72,3 +74,6 @@ def draw(vertices, faces, focal, centre, step, first, front, back):
                 front[row, column] = min(front[row, column], depth)
                 if total > 0:
                     back[row, column] = min(back[row, column], depth)
+
+
+declare(draw, "f8[:, ::1], i8[:, ::1], f8[::1], f8[::1], i8, i8[::1], f8[:, ::1], f8[:, ::1]")

@@ -78,6 +78,10 @@ def _approach_all(count, bounds, links, triangles, places, limit, distance):
         _approach(np.int64(i), bounds, links, triangles, places, limit, distance)
 
 
-approach = Kernel(_approach, _approach_all)
+approach = Kernel(
+    _approach,
+    _approach_all,
+    types="i8, f4[:, ::1], i4[:, ::1], f4[:, ::1], f4[:, ::1], f4, f4[::1]",
+)
 """approach(P, bounds, links, triangles, places (P, 3), limit, distance (P,)): how near a place is
 to the nearest triangle (m), at most `limit`."""

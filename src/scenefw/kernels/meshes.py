@@ -20,7 +20,7 @@ from torch import Tensor
 
 from scenefw.core.batches import CameraBatch
 from scenefw.kernels.cameras import pixel_places
-from scenefw.kernels.compile import Kernel, element, loop
+from scenefw.kernels.compile import Kernel, declare, element, loop
 from scenefw.kernels.mesh_distances import FARTHEST, approach
 
 ZERO = np.float32(0)
@@ -146,7 +146,12 @@ def _cast_all(count, bounds, links, triangles, rays, table, distance, hit, place
                 _cast(i, bounds, links, triangles, rays, table, distance, hit, place)
 
 
-cast = Kernel(_cast, _cast_all, min_shared=4096)  # rays take about a microsecond each
+cast = Kernel(
+    _cast,
+    _cast_all,
+    min_shared=4096,  # rays take about a microsecond each
+    types="i8, f4[:, ::1], i4[:, ::1], f4[:, ::1], f4[:, ::1], b1, f4[::1], i4[::1], f4[:, ::1]",
+)
 """cast(R, bounds, links, triangles, rays, table, distance (R,), hit (R,) int32, place (R, 2)).
 
 `hit` is a row of `triangles`, TABLE (the plane z = 0, if `table`) or NOTHING, where distance is 0.
@@ -358,3 +363,6 @@ def _link(links, depths, count):
         links[node, 0] = following[depths[node]]
         for depth in range(depths[node], deepest + 1):
             following[depth] = node
+
+
+declare(_build, "f4[:, ::1], f4[:, ::1]")

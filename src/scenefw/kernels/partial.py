@@ -295,8 +295,27 @@ def _normalise_all(count, slots, sums, distance, size, box):
             _normalise_at(scene, ix, iy, iz, slots, sums, distance, size, box)
 
 
-project = Kernel(_project, _project_all)
-find_nearest = Kernel(_find_nearest, _find_nearest_all)
-set_limits = Kernel(_limit, _limit_all)
-spread = Kernel(_spread, _spread_all)
-normalise = Kernel(_normalise, _normalise_all)
+_VIEWS = "f4[::1], f4[:, ::1], f4[:, :, ::1]"  # depth, intrinsics and poses
+_GRID = "UniTuple(i8, 3), UniTuple(f4, 5)"
+
+project = Kernel(
+    _project,
+    _project_all,
+    types=f"i8, {_VIEWS}, f4[::1], b1[::1], {_GRID}",
+)
+find_nearest = Kernel(
+    _find_nearest,
+    _find_nearest_all,
+    types=f"i8, i8, {_VIEWS}, f4[::1], {_GRID}, UniTuple(f4, 2)",
+)
+set_limits = Kernel(_limit, _limit_all, types="i8, f4[::1], f4[::1], i8")
+spread = Kernel(
+    _spread,
+    _spread_all,
+    types=f"i8, i8, {_VIEWS}, f4[::1], f4[::1], {_GRID}, UniTuple(f4, 2)",
+)
+normalise = Kernel(
+    _normalise,
+    _normalise_all,
+    types=f"i8, i8, f4[::1], f4[::1], {_GRID}",
+)

@@ -131,7 +131,11 @@ def _voxels(count, resolution, objects, grid, tsdf, votes, instances):  # noqa: 
             instances[scene, first : first + resolution] = 0
 
 
-scene_voxels = Kernel(_voxel, _voxels)
+scene_voxels = Kernel(
+    _voxel,
+    _voxels,
+    types="i8, i8, f4[:, :, ::1], UniTuple(f4, 5), f4[:, ::1], f4[:, :, ::1], i4[:, ::1]",
+)
 """Distances (B, C) m, votes (B, 3, C) and labels (B, C) of C = resolution^3 voxels.
 
 Arguments: count = B C; resolution; objects (B, N, 19) float32: half-axes, exponents, position,

@@ -68,7 +68,11 @@ def _light_all(count, field, n, box, points, normals, key, values):
         _light(np.int64(i), field, n, box, points, normals, key, values)
 
 
-_lit = Kernel(_light, _light_all)
+_lit = Kernel(
+    _light,
+    _light_all,
+    types="i8, f4[::1], i8, UniTuple(f4, 4), f4[:, ::1], f4[:, ::1], UniTuple(f4, 3), f4[::1]",
+)
 
 
 def brightness_of(

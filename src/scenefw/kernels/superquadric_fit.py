@@ -328,7 +328,12 @@ def _advance_all(count, places, sigmas, objects, states, work, lanes, settings, 
         _advance(np.int64(i), places, sigmas, objects, states, work, lanes, settings, steps, limit)
 
 
-advance = Kernel(_advance, _advance_all)
+advance = Kernel(
+    _advance,
+    _advance_all,
+    types="i8, f4[:, ::1], f4[::1], i4[:, ::1], f8[:, ::1], f8[:, ::1], f4[:, ::1], "
+    "f8[::1], i8, f8",
+)
 """Moves starts (S, STATE) towards their minima.
 
 Args: count; places (P, 3) float32; their standard deviations (P,) float32; `first`, `middle` and

@@ -48,7 +48,7 @@ def _first_order_all(count, points, shape, distances):
         _first_order(np.int64(i), points, shape, distances)
 
 
-first_order = Kernel(_first_order, _first_order_all)
+first_order = Kernel(_first_order, _first_order_all, types="i8, f8[:, ::1], f8[:, ::1], f8[::1]")
 """Distances of points to one superquadric, negative inside.
 
 Args: count; points (N, 3) float64 in its frame (m); its half-axes (m) and exponents, (2, 3)

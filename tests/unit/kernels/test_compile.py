@@ -9,9 +9,13 @@ import numba
 import pytest
 import torch
 from numba.core.compiler_lock import global_compiler_lock
+from numba.core.sigutils import normalize_signature
 
+from scenefw import load
 from scenefw.kernels import compile as compiling
-from scenefw.kernels.compile import Kernel, lacks_toolkit
+from scenefw.kernels.compile import Kernel, compile_ahead, lacks_toolkit
+from scenefw.report.solids import solids_of
+from scenefw.report.window import two_views
 
 DOUBLE = """
 import numba
@@ -91,6 +95,27 @@ def test_a_process_is_copied_only_for_what_is_not_in_the_cache(double, tmp_path,
         file.unlink()
     double()(3, torch.ones(3), target)
     assert len(copies) == 3
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes can't be copied here")
+def test_what_predictions_call_is_compiled_ahead(double, monkeypatch):
+    types = "i8, f4[::1], f4[::1]"
+    monkeypatch.setattr(compiling, "_declared", [(double().cpu_loop, types)])
+    compile_ahead.__wrapped__()
+    monkeypatch.setattr(os, "fork", None)  # nothing is left to compile
+    target = torch.zeros(3)
+    double()(3, torch.ones(3), target)
+    assert target.tolist() == [2, 2, 2]
+    compile_ahead.__wrapped__()
+
+
+def test_predictions_call_what_is_compiled_ahead(real_data):
+    image = real_data / "real" / "realsense_table" / "uois_1.npz"
+    estimate = load("reconstruction", "reconstructor.samples=2").predict(image).estimate
+    two_views(solids_of([estimate])[0], estimate)
+    assert len(compiling._declared) >= 10
+    for function, types in compiling._declared:
+        assert normalize_signature(f"({types})")[0] in function.signatures, function
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="processes can't be copied here")

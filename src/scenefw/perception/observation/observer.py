@@ -9,6 +9,7 @@ import numpy as np
 import torch
 
 from scenefw.kernels.cameras import camera_of, stack_cameras
+from scenefw.kernels.compile import compile_ahead
 from scenefw.perception.observation.image_turns import quarter_turns, turned_pixels
 from scenefw.perception.observation.object_masks import object_masks
 from scenefw.perception.observation.observation import Observation
@@ -61,6 +62,7 @@ class Observer:
         turns = quarter_turns(floor)
         workspace = workspace.turned(turns)
         cameras = stack_cameras([workspace.frame.camera])
+        compile_ahead()  # the image is usable
         partial = self.mapping.fuse(torch.from_numpy(workspace.frame.depth)[None], grid, cameras)
         marks = None
         if mask is not None and mask.dtype != np.bool_:
