@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from scipy.fft import irfft2, next_fast_len, rfft2
 from scipy.ndimage import gaussian_filter
-from scipy.signal import fftconvolve
 
 from scenefw.perception.observation.components import EDGE, NEIGHBOURS
 from scenefw.perception.observation.pixels import coarse_step
@@ -50,12 +50,13 @@ def colour_shift(depth: Float32, colour: NDArray[np.uint8]) -> ColourShift | Non
     slopes = [gaussian_filter(brightness, 0.7, order=order) for order in ((0, 1), (1, 0))]
     gradient = np.hypot(*slopes)
     gradient = np.minimum(gradient, np.quantile(gradient, 1 - STRAYS))
-    sums = fftconvolve(gradient - gradient.mean(), edges[::-1, ::-1].astype(np.float32))
-    row, column = np.array(edges.shape) - 1  # of no shift
-    if min(row, column) < _REACH:
+    if min(edges.shape) <= _REACH:
         return None
-    search_window = np.s_[row - _REACH : row + _REACH + 1, column - _REACH : column + _REACH + 1]
-    sums = sums[search_window]
+    padded = [next_fast_len(side + _REACH, real=True) for side in edges.shape]
+    edge_spectrum = rfft2(edges.astype(np.float32), padded)
+    spectrum = rfft2(gradient - gradient.mean(), padded) * edge_spectrum.conj()
+    shifts = np.r_[-_REACH : _REACH + 1]
+    sums = irfft2(spectrum, padded)[np.ix_(shifts, shifts)]
     aligned_window = slice(_REACH - _MAX_ALIGNED_SHIFT, _REACH + _MAX_ALIGNED_SHIFT + 1)
     peak, mean = float(sums.max()), float(sums.mean())
     if not peak > mean:  # of one colour
