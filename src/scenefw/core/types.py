@@ -304,7 +304,7 @@ class Obstacle:
     mesh: TriangleMesh
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SceneEstimate:
     """What a depth image shows and hides: complete objects in the frame of the floor.
 

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from scenefw.core.geometry import inverse, transform_points
+from scenefw.core.weak_cache import cached_by_identity
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -30,17 +31,21 @@ def surface_colours(
         estimate: objects and camera in one frame.
         colours: of the objects where the image says nothing, in their order.
     """
+    paints = zip(_paints(estimate), colours, strict=True)
+    return [colour if paint is None else paint for paint, colour in paints]
+
+
+@cached_by_identity
+def _paints(estimate: SceneEstimate) -> list[NDArray[np.float64] | None]:
+    """Computed once: several files of a scene hold them."""
     if estimate.frame.colour is None or estimate.masks is None:
-        return list(colours)
-    return [
-        _painted(item.mesh, estimate.masks == item.id, estimate, colour)
-        for item, colour in zip(estimate.objects, colours, strict=True)
-    ]
+        return [None] * len(estimate.objects)
+    return [_painted(item.mesh, estimate.masks == item.id, estimate) for item in estimate.objects]
 
 
 def _painted(
-    mesh: TriangleMesh, mask: NDArray[np.bool_], estimate: SceneEstimate, colour: Colour
-) -> Colour | NDArray[np.float64]:
+    mesh: TriangleMesh, mask: NDArray[np.bool_], estimate: SceneEstimate
+) -> NDArray[np.float64] | None:
     camera, image = estimate.frame.camera, estimate.frame.colour
     points = transform_points(inverse(camera.T_world_camera), mesh.vertices)
     facing = (_normals(points, mesh.faces) * points).sum(axis=1) < 0
@@ -52,7 +57,7 @@ def _painted(
     seen = np.flatnonzero(inside)
     seen = seen[mask[rows[seen], columns[seen]]]
     if image is None or not len(seen):
-        return colour
+        return None
     nearest = seen[cKDTree(points[seen]).query(points)[1]]
     return np.asarray(image[rows[nearest], columns[nearest]] / 255.0)
 
@@ -61,6 +66,5 @@ def _normals(vertices: Float64, faces: NDArray[np.int64]) -> Float64:
     """Directions (V, 3) in which a closed surface looks at its vertices; lengths mean nothing."""
     corners = vertices[faces]
     directions = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals = np.zeros_like(vertices)
-    np.add.at(normals, faces.ravel(), np.repeat(directions, 3, axis=0))
-    return normals
+    weights, owners = np.repeat(directions, 3, axis=0), faces.ravel()
+    return np.column_stack([np.bincount(owners, w, len(vertices)) for w in weights.T])
