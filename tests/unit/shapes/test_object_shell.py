@@ -7,6 +7,7 @@ import pytest
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from skimage.measure import marching_cubes
 
 from scenefw.core.geometry import look_at
 from scenefw.core.types import Camera
@@ -62,6 +63,25 @@ def test_a_ball_has_its_volume_and_place(size):
     body = solid(ball(size).mesh(0.0025))
     assert body.volume == pytest.approx(4 / 3 * np.pi * 0.05**3, rel=0.04)
     np.testing.assert_allclose(body.center_mass, CENTRE, atol=0.0015)
+
+
+@pytest.mark.parametrize("size", [48, 96])
+def test_bumps_of_noise_are_smooth_and_the_volume_stays(size):
+    shell = ball(size)
+    noise = np.random.default_rng(0).normal(0, 0.002, shell.depths.shape)
+    voxel = 0.0025
+    rough = replace(shell, depths=shell.depths + noise)
+    body = solid(rough.mesh(voxel))
+    assert body.volume == pytest.approx(4 / 3 * np.pi * 0.05**3, rel=0.05)
+    outward = (body.triangles_center - CENTRE) / 0.05
+    field = rough.signed_distance(CENTRE + np.moveaxis(np.indices([61] * 3) - 30, 0, -1) * voxel)
+    corners, faces, _, _ = marching_cubes(field, 0.0)
+    bumpy = trimesh.Trimesh(corners, faces, process=False)
+    bumpy_outward = (bumpy.triangles_center - 30) * voxel / 0.05
+    cosines = [np.abs((surface.face_normals * directions).sum(axis=1))
+               for surface, directions in ((body, outward), (bumpy, bumpy_outward))]  # fmt: skip
+    tilt, bumpy_tilt = (np.median(np.arccos(np.minimum(cosine, 1))) for cosine in cosines)
+    assert tilt < 0.8 * bumpy_tilt, (tilt, bumpy_tilt)
 
 
 @settings(max_examples=20, deadline=None)
