@@ -11,8 +11,6 @@ import torch
 from scipy.ndimage import distance_transform_edt, label
 from skimage.measure import marching_cubes
 from torch.nn import functional
-from trimesh import Trimesh
-from trimesh.smoothing import filter_taubin
 
 from scenefw.core.types import TriangleMesh
 
@@ -111,6 +109,9 @@ class ObjectShell:
         Args:
             voxel: side of those of its grid (m).
         """
+        from trimesh import Trimesh
+        from trimesh.smoothing import filter_taubin
+
         places = self.places()
         if not len(places):
             return None
