@@ -12,6 +12,7 @@ from numba.core.compiler_lock import global_compiler_lock
 from numba.core.sigutils import normalize_signature
 
 from scenefw import load
+from scenefw.kernels import child_process
 from scenefw.kernels import compile as compiling
 from scenefw.kernels.compile import Kernel, compile_ahead, lacks_toolkit
 from scenefw.report.solids import solids_of
@@ -63,7 +64,7 @@ def double(tmp_path, monkeypatch):
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="processes can't be copied here")
 @pytest.mark.parametrize("terminal", [True, False])
 def test_who_waits_at_a_terminal_is_told_once_why(double, monkeypatch, capsys, terminal):
-    compiling._announce.cache_clear()
+    child_process._announce.cache_clear()
     monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal, raising=False)
     kernel, target = double(), torch.zeros(3)
     for kind in (torch.float32, torch.float64):
@@ -127,7 +128,7 @@ def test_a_process_is_copied_while_no_other_thread_compiles(double, monkeypatch)
             held.set()
             time.sleep(0.5)
 
-    monkeypatch.setattr(compiling, "_PATIENCE", 60.0)  # a copy that waits for ever is killed
+    monkeypatch.setattr(child_process, "_PATIENCE", 60.0)  # a copy that waits for ever is killed
     monkeypatch.setattr(os, "kill", lambda *of: (killed.append(of), kill(*of)))
     kernel, target = double(), torch.zeros(3)
     other = threading.Thread(target=compile_something)
@@ -142,7 +143,7 @@ def test_a_process_is_copied_while_no_other_thread_compiles(double, monkeypatch)
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="processes can't be copied here")
 @pytest.mark.parametrize("limit", ["_PATIENCE", "_STUCK"])
 def test_a_copy_that_never_ends_is_killed(double, monkeypatch, limit):
-    if limit == "_STUCK" and compiling._computed(os.getpid()) is None:
+    if limit == "_STUCK" and child_process._computed(os.getpid()) is None:
         pytest.skip("the system doesn't tell what processes compute")
     fork = os.fork
 
@@ -153,7 +154,7 @@ def test_a_copy_that_never_ends_is_killed(double, monkeypatch, limit):
         return child
 
     monkeypatch.setattr(os, "fork", stuck)
-    monkeypatch.setattr(compiling, limit, 0.3)
+    monkeypatch.setattr(child_process, limit, 0.3)
     target, start = torch.zeros(3), time.monotonic()
     double()(3, torch.ones(3), target)
     assert target.tolist() == [2, 2, 2]
@@ -175,7 +176,7 @@ def test_a_copy_that_computes_is_waited_for(double, monkeypatch):
 
     monkeypatch.setattr(os, "fork", slow)
     monkeypatch.setattr(os, "kill", lambda *of: killed.append(of))
-    monkeypatch.setattr(compiling, "_STUCK", 1.0)
+    monkeypatch.setattr(child_process, "_STUCK", 1.0)
     target = torch.zeros(3)
     double()(3, torch.ones(3), target)
     assert target.tolist() == [2, 2, 2]

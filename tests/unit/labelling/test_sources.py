@@ -67,8 +67,11 @@ class ByHeightWindow:
         return torch.stack([1 - high, high, 0 * high])
 
 
-@pytest.mark.parametrize(("spacing", "size"), [(None, 65), (1, 65), (0.5, 129), (3, 22)])
-def test_a_map_is_labelled_at_the_spacing_that_was_learned(spacing, size):
+@pytest.mark.parametrize(
+    ("spacing", "size", "min_agreement"),
+    [(None, 65, 1), (1, 65, 1), (0.5, 129, 1), (3, 22, 0.85)],
+)
+def test_a_map_is_labelled_at_the_spacing_that_was_learned(spacing, size, min_agreement):
     truth = Rectangles().truth(0)
     network, window = checkpoint("maps"), ByHeightWindow()
     if spacing is not None:
@@ -77,7 +80,7 @@ def test_a_map_is_labelled_at_the_spacing_that_was_learned(spacing, size):
     assert window.size == size
     expected = truth.heights > 0.01
     assert 0.02 < expected.mean() < 0.98
-    assert (labels == expected).mean() == 1 if size >= 65 else (labels == expected).mean() > 0.85
+    assert (labels == expected).mean() >= min_agreement
 
 
 def test_another_networks_classes_are_one_line():
