@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from scenefw.perception.observation.observation import Observation
 
 
-_LIKELY = 0.5  # more probably the same object than not
+_LIKELY = 0.5  # more probably than not
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,26 +36,27 @@ class AffinitySegmentation:
     Pixels that surely show the same object are joined first, and others go to what is nearest along
     the surface, but not across a jump of depth; where none is sure, those are joined that likely
     show the same. Which of these regions are one object, `merging` says.
-    Images are thinned to about the focal length that the network learnt from. Parts that it takes
-    for waves of the floor, or for what lies beyond a table's edge, are dropped, if it says which
-    pixels show objects; so are single pixels, as of ramps of depth beside objects.
+    Images are thinned to about the focal length that the network learnt from. Where the floor waves
+    and the network says which pixels show objects, it is believed: the bottom of a bowl is as low
+    as waves, and ramps of depth beside objects are high. Parts that it takes for no object are
+    dropped.
 
     Args:
         checkpoint: of a network of affinities.
         min_core_affinity: probability of the same object from which on pixels are joined first.
         min_region: pixels (of the thinned image) of the smallest region.
-        min_object_probability: parts whose pixels show an object less probably, on average, are
-            dropped.
-        min_pixel_probability: so are pixels that don't show one more probably than this, if the
-            floor has noise; without it, heights alone say where an object ends. Where errors of
-            neighbouring pixels are independent, the network's odds count times those by which the
-            floor, normally distributed, doesn't reach the pixel's height.
-        floor_margin: points up to this height above the floor belong to it (m), and so do points
-            within its noise, if they are no higher than `min_height` and the floor waves.
+        min_pixel_probability: where depth has noise, pixels that don't show an object more probably
+            than this belong to none; 0: what the network says of them counts nowhere. Where errors
+            of neighbouring pixels are independent, points within three standard deviations of them
+            belong to the floor, and the network's odds count times those by which the floor,
+            normally distributed, doesn't reach the pixel's height.
+        floor_margin: points up to this height above the floor (m) belong to it where depth is
+            exact, or nothing else says which pixels show objects.
         min_pixels: parts of fewer pixels (of an image 640 wide) are dropped.
         min_height: parts that rise no higher above the floor (m) are noise of it.
-        min_height_sigmas: so are parts that rise no higher than so many standard deviations of its
-            heights at the same depth.
+        min_height_sigmas: where the floor waves, so are parts that rise no higher than so many
+            standard deviations of its heights at the same depth. Waves look like flat things to the
+            network; errors that are independent from pixel to pixel don't.
         merging: which regions are joined; None: none.
 
     Raises:
@@ -65,7 +66,6 @@ class AffinitySegmentation:
     checkpoint: Trained[PartAffinityModel]
     min_core_affinity: float = 0.95
     min_region: int = 12
-    min_object_probability: float = 0.6
     min_pixel_probability: float = 0.9
     floor_margin: float = 0.005
     min_pixels: float = 60.0
@@ -75,7 +75,6 @@ class AffinitySegmentation:
 
     def __post_init__(self) -> None:
         PROBABILITY.require(min_core_affinity=self.min_core_affinity)
-        below(1).require(min_object_probability=self.min_object_probability)
         below(1).require(min_pixel_probability=self.min_pixel_probability)
         NOT_NEGATIVE.require(floor_margin=self.floor_margin, min_height=self.min_height)
         NOT_NEGATIVE.require(min_height_sigmas=self.min_height_sigmas)
@@ -88,17 +87,15 @@ class AffinitySegmentation:
         probabilities = pixel_probabilities(self.checkpoint.model, frame)
         step, across, down = probabilities.step, probabilities.across, probabilities.down
         depth = np.ascontiguousarray(np.nan_to_num(frame.depth[::step, ::step]), np.float32)
-        object_probability = probabilities.objects
-        if object_probability is None:
-            object_probability = np.ones_like(depth)
         rows, columns = (np.arange(size) // step for size in frame.depth.shape)
-        waves = FLOOR_SIGMAS * noise if smooth else 0.0
-        margin = np.clip(waves, self.floor_margin, max(self.floor_margin, self.min_height))
-        above = heights > margin  # NaN where no depth: not above
         thinned_pixels = np.ix_(rows, columns)
-        if view.noise.sigma > ROUNDING:
-            odds = logit(object_probability)[thinned_pixels]
+        objects = probabilities.objects if self.min_pixel_probability else None
+        if objects is None or view.noise.sigma <= ROUNDING:
+            above = heights > self.floor_margin  # NaN where no depth: not above
+        else:
+            odds, above = logit(objects)[thinned_pixels], np.isfinite(heights)
             if not smooth:
+                above &= heights > FLOOR_SIGMAS * noise
                 odds = odds + (heights / np.maximum(noise, ROUNDING)) ** 2 / 2
             above &= odds > logit(self.min_pixel_probability)
         regions = self._regions(depth, across, down, above[::step, ::step])
@@ -108,14 +105,13 @@ class AffinitySegmentation:
             merged_regions = self.merging.merged(regions, across, down, creases)
         min_pixels = self.min_pixels * (frame.depth.shape[1] / WIDTH) ** 2
         parts = large_parts(merged_regions, max(1, round(min_pixels / step**2)))
-        is_unlikely = (parts > 0) & (
-            _means(object_probability, parts) < self.min_object_probability
-        )
-        parts = large_parts(np.where(is_unlikely, 0, parts).astype(np.int64), 1)
-        above &= ~is_unlikely[thinned_pixels]
+        if objects is not None:
+            is_unlikely = (parts > 0) & (_means(objects, parts) < _LIKELY)
+            parts = large_parts(np.where(is_unlikely, 0, parts).astype(np.int64), 1)
+            above &= ~is_unlikely[thinned_pixels]
         same_depth = np.abs(frame.depth - depth[thinned_pixels]) < MAX_STEP
         parts = np.where(above & same_depth, parts[thinned_pixels], 0).astype(np.int32)
-        min_height = np.maximum(self.min_height, self.min_height_sigmas * noise)
+        min_height = np.maximum(self.min_height, self.min_height_sigmas * noise if smooth else 0.0)
         return high_parts(grown(parts, above, frame.depth, EDGE), heights, min_height)
 
     def _regions(

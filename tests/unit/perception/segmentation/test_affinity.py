@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 from hydra.utils import instantiate
-from scipy.ndimage import binary_erosion, gaussian_filter, grey_dilation
+from scipy.ndimage import binary_erosion, gaussian_filter
 from tests.composed import option
 from tests.unit.perception.synthetic import Box, camera_at, frame_of
 
@@ -152,7 +152,6 @@ def test_a_few_likely_pixels_do_not_join_two_objects(seen):
     [
         {"min_core_affinity": 1.0},
         {"min_region": 0},
-        {"min_object_probability": 1.0},
         {"min_pixel_probability": 1.0},
         {"floor_margin": -0.1},
         {"min_pixels": 0},
@@ -201,7 +200,6 @@ def test_what_shows_no_object_is_in_no_part(seen, thinned):
     anything = AffinitySegmentation(
         Loaded(Showing(owners, focal)),
         min_pixels=20,
-        min_object_probability=0.0,
         min_pixel_probability=0.0,
     )
     assert np.array_equal(anything.segment(Observation(frame)), plain)
@@ -228,11 +226,12 @@ def test_pixels_that_show_no_object_leave_their_part(seen, waving):
     noisy = replace(frame, depth=np.where(owners > 0, frame.depth, frame.depth + noise))
     strict, lenient = parts(noisy), parts(noisy, min_pixel_probability=0.0)
     assert (lenient[rim] > 0).mean() > 0.7  # the rest stands on the floor
-    assert np.array_equal(strict[~rim] > 0, lenient[~rim] > 0)
+    assert (strict > 0)[(lenient > 0) & ~rim].all()
+    assert (strict > 0)[(owners > 0) & ~rim].mean() > 0.99  # pixels near the floor, too
     if waving:
         assert not strict[rim].any()
     else:
-        assert np.array_equal(strict, lenient)
+        assert (strict[rim] > 0).mean() > 0.7
     # the floor of an image without noise is where heights end
     assert np.array_equal(parts(frame), parts(frame, min_pixel_probability=0.0))
 
@@ -244,8 +243,8 @@ def test_parts_as_low_as_the_floor_waves_are_its_noise():
     finder = AffinitySegmentation(Loaded(Knowing(frame.labels, camera.fx)))
     assert finder.segment(Observation(frame)).max() == 2
     rng = np.random.default_rng(0)
-    normal = rng.normal(size=frame.depth.shape).astype(np.float32)
-    waves = frame.depth + 0.007 * frame.depth**2 * normal
+    normal = gaussian_filter(rng.normal(size=frame.depth.shape).astype(np.float32), 4)
+    waves = frame.depth + 0.007 * frame.depth**2 * normal / normal.std()
     noisy = replace(frame, depth=np.where(frame.labels > 0, frame.depth, waves))
     found = finder.segment(Observation(noisy))
     assert found.max() >= 1
@@ -318,18 +317,20 @@ def test_shipped_weights_cut_real_images_better_than_creases_do(real_data):
     assert 10 <= cut(methods["network"], first).max() <= 20
 
 
-def test_waves_of_the_floor_beside_an_object_are_not_its(monkeypatch, seen):
-    """A network that takes the floor around objects for theirs, and a floor that waves."""
-    frame, owners = seen
-    field = gaussian_filter(np.random.default_rng(0).normal(size=owners.shape), 4)
-    depth = frame.depth + np.where(owners > 0, 0, 0.008 * field / field.std())
-    noisy = replace(frame, depth=depth.astype(np.float32))
-    wide = grey_dilation(owners, size=(31, 31))
-    floor = (wide > 0) & (owners == 0)
-    finder = AffinitySegmentation(Loaded(Knowing(wide, frame.camera.fx)))
-    without = finder.segment(Observation(noisy)) > 0
-    monkeypatch.setattr(affinity_parts, "FLOOR_SIGMAS", 0.0)
-    with_waves = finder.segment(Observation(noisy)) > 0
-    assert with_waves[floor].mean() > 0.05
-    assert without[floor].mean() < 0.5 * with_waves[floor].mean()
-    assert without[owners > 0].mean() > 0.9 * with_waves[owners > 0].mean()
+def test_what_is_as_low_as_waves_is_an_objects_if_the_network_says_so():
+    """As the bottom of a bowl: heights alone would cut it out."""
+    plate = Box((-0.15, -0.1, 0.0), (0.0, 0.1, 0.003))
+    wall = Box((0.0, -0.1, 0.0), (0.15, 0.1, 0.06))
+    camera = camera_at(eye=(0.0, -0.85, 0.6))
+    frame = replace(frame_of(camera, (plate, wall)), camera=camera)
+    owners = (frame.labels > 0).astype(np.int32)
+    noise = gaussian_filter(np.random.default_rng(0).normal(size=owners.shape), 4)
+    depth = frame.depth + (0.003 * noise / noise.std()).astype(np.float32)
+    noisy = Observation(replace(frame, depth=np.where(frame.depth > 0, depth, 0)))
+    finder = AffinitySegmentation(Loaded(Showing(owners, camera.fx, 1)))
+    parts = finder.segment(noisy)
+    assert parts.max() == 1
+    assert (parts[frame.labels == 1] > 0).mean() > 0.95
+    heights_alone = replace(finder, min_pixel_probability=0.0).segment(noisy)
+    assert (heights_alone[frame.labels == 1] > 0).mean() < 0.5
+    assert (parts[owners == 0] > 0).mean() < 0.01
