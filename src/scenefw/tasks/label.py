@@ -14,6 +14,7 @@ import numpy as np
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.files import require_apart, require_free, require_writable
 from scenefw.core.folders import adding_to_folder
+from scenefw.core.labels import UNKNOWN
 from scenefw.core.settings import COUNT, NOT_NEGATIVE, POSITIVE
 from scenefw.data.files.height_maps import load_map, save_map
 from scenefw.data.files.readers import find_images, read_frame
@@ -193,6 +194,7 @@ class Label:
         if watcher is not None:
             watcher.show(height_map, _frames(self.start + number), frame)
         save_picture(map_picture(height_map), self.output / PICTURE)
+        _say_doubt(self.input, height_map)
         return {
             "frames": float(number),
             "left_out": float(len(measured.empty)),
@@ -257,6 +259,7 @@ class Label:
         with adding_to_folder(folder) as temporary:
             save_map(temporary / MAP, height_map, running.states())
             save_picture(map_picture(height_map), temporary / PICTURE)
+        _say_doubt(image, height_map)
         return frame, height_map
 
 
@@ -274,3 +277,28 @@ def _facts(height_map: HeightMap) -> dict[str, float]:
             for i, name in enumerate(height_map.classes)
         }
     return facts
+
+
+def _say_doubt(path: Path, height_map: HeightMap) -> None:
+    """Prints a line if the table itself is labelled as things.
+
+    The table is the plane of most of a map, so the half of the map that is nearest to its plane
+    shows it, and at most a few flat things. The first class is the surface.
+    """
+    if height_map.labels is None:
+        return
+    is_labelled = height_map.seen & (height_map.labels != UNKNOWN)
+    labels, distances = height_map.labels[is_labelled], np.abs(height_map.heights[is_labelled])
+    if not len(labels):
+        return
+    labels = labels[distances <= np.median(distances)]
+    things = labels[labels > 0]
+    if len(things) > len(labels) / 2:
+        name = height_map.classes[np.bincount(things).argmax()]
+        print(
+            f"{path}: of the half of the map nearest to the table's plane, "
+            f"{len(things) / len(labels):.0%} is labelled as things, mostly {name}; the network "
+            "hardly knows such a table. Heights alone tell tables from things: labelling=map_based "
+            "map_label_source=by_height",
+            file=sys.stderr,
+        )

@@ -57,6 +57,17 @@ def test_a_sequence_becomes_a_map_that_is_seen_to_grow(sequence, tmp_path):
     assert (tmp_path / "map.png").is_file()
 
 
+@pytest.mark.parametrize("level", [0.004, -1.0])
+def test_a_table_that_is_labelled_as_things_is_told(sequence, tmp_path, capsys, level):
+    """Below a level of -1 m nothing is surface."""
+    maps = ByHeight(CLASSES, "keyboard", level=level)
+    strategies = {"map_based": MapBased(HeightFusion(GRID), maps)}
+    label(sequence, tmp_path / "map", strategies, picture_every=None).run()
+    label(sequence / "depth" / "000000.png", tmp_path / "image", strategies).run()
+    said = "labelled as things, mostly keyboard"
+    assert capsys.readouterr().err.count(said) == (2 if level < 0 else 0)
+
+
 TURN = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # z of the table is y of the recording
 
 
