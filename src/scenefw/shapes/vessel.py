@@ -114,10 +114,6 @@ class Vessel:
         )
         return np.where(self._within(flat, height), -distances, distances)
 
-    def holds(self, points: Float64) -> NDArray[np.bool_]:
-        """Whether points (..., 3) in its frame lie in it with a lid on: `filled_distance` < 0."""
-        return self._within(*_in_profile(points - [0.0, 0.0, self.bottom]))
-
     def wall_distance(self, points: Float64) -> Float64:
         """Distances (...) of points (..., 3) in its frame to its surface (m), below 0 in walls."""
         half = self.wall / 2

@@ -13,11 +13,7 @@ from scenefw.matching.instances import renumbered_like
 from scenefw.perception.estimate.carving import MIN_VOLUME, carve, whole_objects
 from scenefw.perception.estimate.composition import composed, shell_meshes, with_shells
 from scenefw.perception.estimate.marked_objects import called, marked_solids
-from scenefw.perception.estimate.mask_cleanup import (
-    with_bottoms,
-    with_unmeasured_pixels,
-    without_holes,
-)
+from scenefw.perception.estimate.mask_cleanup import with_unmeasured_pixels, without_holes
 from scenefw.perception.estimate.objects import estimate_objects
 from scenefw.perception.estimate.plausibility import contradicted, objects_with, plausible
 from scenefw.perception.estimate.shape_cues import shape_cues
@@ -330,9 +326,7 @@ def _masks(sample: Completion, grid: GridSpec, frame: Frame) -> Int32:
     """
     points = world_points(frame)
     if sample.masks is not None:
-        shapes = sample.placed[0] if sample.placed else {}
-        masks = with_bottoms(sample.masks[0].cpu().numpy(), points, shapes)
-        return without_holes(masks, points[..., 2])
+        return without_holes(sample.masks[0].cpu().numpy(), points[..., 2])
     instances = sample.instances[0].cpu().numpy()
     return visible_instances(instances, points, grid, points[..., 2] > _MIN_HEIGHT)
 

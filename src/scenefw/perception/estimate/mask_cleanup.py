@@ -9,16 +9,14 @@ from scipy import ndimage
 from skimage.segmentation import watershed
 
 from scenefw.core.geometry import inverse, transform_points
-from scenefw.perception.observation.components import TOUCH
 from scenefw.perception.observation.points import MINORITY
-from scenefw.shapes.vessel import Vessel
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from scenefw.core.types import Camera, Float64, Int32, ObjectEstimate, PlacedShape
+    from scenefw.core.types import Camera, Float64, Int32, ObjectEstimate
 
 _MIN_HEIGHT = -0.015  # m: nobody sees so far below the floor
 
@@ -54,28 +52,6 @@ def without_holes(masks: Int32, heights: Float64) -> Int32:
     for end in (holes[0], holes[-1], holes[:, 0], holes[:, -1]):
         filled[end] = 0
     return np.where(holes > 0, filled[holes], masks)
-
-
-def with_bottoms(masks: Int32, points: Float64, placed: Mapping[int, PlacedShape]) -> Int32:
-    """Masks (H, W), 0 = none, with the bottoms of vessels, which are hardly above the floor.
-
-    A pixel of no object shows a vessel if what is 1 cm above its point, or above the floor there,
-    lies within the vessel. The floor beside its foot, or seen through a handle, doesn't.
-
-    Args:
-        masks: (H, W) ids of objects.
-        points: (H, W, 3) of the pixels, world coordinates, floor z = 0 (m), NaN = no depth.
-        placed: shapes of objects, by id.
-    """
-    new_masks = masks.copy()
-    for label, item in placed.items():
-        if isinstance(item.shape, Vessel):
-            pixels = np.nonzero((masks == 0) & (np.abs(points[..., 2]) < TOUCH))
-            raised_points = np.maximum(points[pixels], (-np.inf, -np.inf, 0)) + (0, 0, TOUCH)
-            local_points = transform_points(inverse(item.pose.matrix), raised_points)
-            inside = item.shape.holds(local_points)
-            new_masks[tuple(axis[inside] for axis in pixels)] = label
-    return new_masks
 
 
 def with_unmeasured_pixels(

@@ -20,6 +20,7 @@ from scenefw.perception.observation.object_masks import footprint_hull
 from scenefw.perception.observation.pixels import coarse_step
 from scenefw.perception.observation.points import MINORITY
 from scenefw.shapes.moments import moments
+from scenefw.shapes.vessel import Vessel
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -50,9 +51,9 @@ def plausible(estimate: SceneEstimate, view: Observation) -> SceneEstimate:
     checks = _Checks(estimate, view)
     changes = {}
     for item in estimate.objects:
-        flaws = checks.flaws(item.mesh, item.id)
+        flaws = checks.flaws_of(item)
         for mesh in checks.humbler(item.id) if flaws else ():
-            humbler_flaws = checks.flaws(mesh, item.id)
+            humbler_flaws = checks.flaws(mesh, item.id, moments(mesh).volume)
             if humbler_flaws < flaws:
                 changes[item.id], flaws = mesh, humbler_flaws
             if not flaws:
@@ -65,7 +66,7 @@ def contradicted(estimate: SceneEstimate, view: Observation) -> set[int]:
     if estimate.masks is None or view.image is None:
         return set()
     checks = _Checks(estimate, view)
-    return {item.id for item in estimate.objects if checks.flaws(item.mesh, item.id)}
+    return {item.id for item in estimate.objects if checks.flaws_of(item)}
 
 
 def with_meshes(estimate: SceneEstimate, meshes: dict[int, TriangleMesh]) -> SceneEstimate:
@@ -119,8 +120,23 @@ class _Checks:
             item.id: view.points[(masks == item.id) & measured] for item in estimate.objects
         }
 
-    def flaws(self, mesh: TriangleMesh, label: int) -> float:
-        """0 if a closed mesh contradicts nothing; else in how many ways, and how much."""
+    def flaws_of(self, item: ObjectEstimate) -> float:
+        """`flaws` of an object; a vessel's volume is that of what it may hold, too.
+
+        Its walls are so thin that errors of depth along its rim alone are much of theirs.
+        """
+        shape = None if item.placed is None else item.placed.shape
+        solid = shape.filled_mesh() if isinstance(shape, Vessel) else item.mesh
+        return self.flaws(item.mesh, item.id, moments(solid).volume)
+
+    def flaws(self, mesh: TriangleMesh, label: int, volume: float) -> float:
+        """0 if a closed mesh contradicts nothing; else in how many ways, and how much.
+
+        Args:
+            mesh: of an object.
+            label: of the object.
+            volume: to which that in free space is compared (m^3).
+        """
         lowest = float(mesh.vertices[:, 2].min())
         flaws = float(-lowest > self.margin)
         visible = self.visible[label]
@@ -130,8 +146,8 @@ class _Checks:
                 np.ptp(visible, axis=0).max(),
             )
             flaws += float(length > _MIN_LONG and length > _MAX_LENGTH_RATIO * visible_length)
-        free = self._free_ratio(mesh)
-        flaws += free if free > MINORITY else 0.0
+        free = self._free_volume(mesh) / max(volume, np.finfo(float).tiny)
+        flaws += min(free, 1.0) if free > MINORITY else 0.0
         return flaws + float(lowest > TOUCH and self._hovers(mesh, label))
 
     def humbler(self, label: int) -> Iterator[TriangleMesh]:
@@ -162,8 +178,8 @@ class _Checks:
         ]
         return max([float(h) for h in heights if h < lowest + self.margin], default=0.0)
 
-    def _free_ratio(self, mesh: TriangleMesh) -> float:
-        """Ratio of a mesh's volume that lies before what was measured, by more than a voxel.
+    def _free_volume(self, mesh: TriangleMesh) -> float:
+        """Volume of a mesh (m^3) that lies before what was measured, by more than a voxel.
 
         A ray counts up to where it leaves the mesh for the first time, with the volume of its
         pixel's pyramid: the integral of depth^2 over depth, by both focal lengths.
@@ -172,8 +188,7 @@ class _Checks:
         measured = self.depth[depth.box]
         end = np.where(measured > 0, np.minimum(depth.back, measured - self.margin), 0.0)
         pyramids = np.maximum(end**3 - depth.front**3, 0.0).sum() / 3
-        free = pyramids * self.stride**2 / (self.camera.fx * self.camera.fy)
-        return float(free / max(moments(mesh).volume, free, np.finfo(float).tiny))
+        return float(pyramids * self.stride**2 / (self.camera.fx * self.camera.fy))
 
     def _hovers(self, mesh: TriangleMesh, label: int) -> bool:
         """Whether nothing is close to the lowest part of a mesh."""

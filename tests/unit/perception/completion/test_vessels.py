@@ -181,12 +181,6 @@ def test_without_one_eye_and_with_few_points_nothing_is_hollow():
     assert detected(masks, geometry, min_points=10**6) == {}
 
 
-def test_a_wall_where_the_view_sees_through_is_none():
-    masks, geometry = scene_of(MUG.mesh(), EYES[0])
-    everything = np.ones_like(geometry.free)
-    assert detected(masks, replace(geometry, free=everything)) == {}
-
-
 def test_pixels_between_two_surfaces_do_not_count():
     masks, geometry = scene_of(MUG.mesh(), EYES[0])
     assert list(detected(masks, replace(geometry, mixed=masks == 0))) == [1]

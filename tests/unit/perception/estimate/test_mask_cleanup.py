@@ -8,18 +8,13 @@ from hypothesis import strategies as st
 from scipy import ndimage
 from tests.unit.perception.synthetic import STACK, camera_at, frame_of
 
-from scenefw.core.types import Frame, PlacedShape, Pose, TriangleMesh
+from scenefw.core.types import TriangleMesh
 from scenefw.perception.estimate.mask_cleanup import (
-    with_bottoms,
     with_unmeasured_pixels,
     without_holes,
 )
 from scenefw.perception.estimate.objects import estimate_objects
-from scenefw.perception.observation.points import world_points
 from scenefw.perception.segmentation.colour_edges import colour_gradient
-from scenefw.shapes.superquadric import Superquadric
-from scenefw.shapes.vessel import Vessel
-from scenefw_annotated_views.silhouettes import SolidViews
 
 
 def disc(size=60):
@@ -76,24 +71,6 @@ def test_a_hole_is_enclosed_by_most_of_its_border(floor, filled):
     masks[10:15, 10:15], heights[10:15, 10:15] = 0, np.nan
     masks[9, 10 : 10 + floor], heights[9, 10 : 10 + floor] = 0, 0.0
     assert (without_holes(masks, heights)[12, 12] == 5) == filled
-
-
-@pytest.mark.parametrize("size", [(320, 240), (640, 480)])
-def test_the_bottom_of_a_bowl_is_the_bowls_and_the_floor_beside_isnt(size):
-    """A bowl whose bottom nearly lies on the floor, seen from above, beside its mesh's outline."""
-    bowl = Vessel(0.08, 0.5, 0.5, 0.05, 0.003)
-    pose = Pose(np.array([0.0, 0.0, -bowl.bottom]), np.array([1.0, 0.0, 0.0, 0.0]))
-    placed = {4: PlacedShape(bowl, pose), 5: PlacedShape(Superquadric([0.1] * 3, [2.0] * 3), pose)}
-    camera = camera_at(eye=(0.0, -0.3, 0.6), size=size)
-    depth, _ = SolidViews([placed[4].mesh()]).see(camera)
-    frame = Frame(depth, camera)
-    points = world_points(frame)
-    true = np.where(points[..., 2] > 1e-4, 4, 0).astype(np.int32)
-    seen = np.where(points[..., 2] > 0.005, true, 0)
-    assert (seen != true).sum() > 0.1 * (true > 0).sum()
-    found = with_bottoms(seen, points, placed)
-    assert (found != true).sum() < 0.02 * (true > 0).sum()
-    np.testing.assert_array_equal(with_bottoms(seen, points, {}), seen)
 
 
 def test_nothing_to_fill():

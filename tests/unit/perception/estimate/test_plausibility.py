@@ -4,14 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 import trimesh
 from tests.unit.perception.synthetic import Box, camera_at, frame_of
 
-from scenefw.core.types import GridSpec, SceneEstimate, TriangleMesh
+from scenefw.core.types import GridSpec, PlacedShape, Pose, SceneEstimate, TriangleMesh
+from scenefw.kernels.meshes import Tree
 from scenefw.perception.estimate.objects import estimate_objects
-from scenefw.perception.estimate.plausibility import columns_below, plausible
+from scenefw.perception.estimate.plausibility import columns_below, contradicted, plausible
 from scenefw.perception.evidence.mesh_distances import mesh_volumes
 from scenefw.perception.observation.observation import Observation
+from scenefw.perception.observation.points import world_points
+from scenefw.shapes.vessel import Vessel
 
 BOX = Box((-0.05, -0.05, 0.0), (0.05, 0.05, 0.12))
 OTHER = Box((0.15, -0.05, 0.0), (0.2, 0.0, 0.1))
@@ -20,6 +24,17 @@ OTHER = Box((0.15, -0.05, 0.0), (0.2, 0.0, 0.1))
 def solid(lower, upper):
     mesh = trimesh.creation.box(bounds=(lower, upper))
     return TriangleMesh(np.asarray(mesh.vertices), np.asarray(mesh.faces))
+
+
+def pictured(mesh, camera):
+    """Depth (H, W) of a mesh, and where it is seen (H, W)."""
+    u, v = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
+    local = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(u.shape)])
+    ahead = local.reshape(3, -1).T @ camera.T_world_camera[:3, :3].T
+    eyes = np.broadcast_to(camera.T_world_camera[:3, 3], ahead.shape)
+    rays = np.concatenate([eyes, ahead], axis=1).astype(np.float32)
+    depth, hit, _ = Tree(mesh.vertices[mesh.faces].astype(np.float32)).cast(torch.from_numpy(rays))
+    return depth.numpy().reshape(u.shape), (hit.numpy() >= 0).reshape(u.shape)
 
 
 def judged(mesh, resolution=64, size=(320, 240)):
@@ -64,6 +79,28 @@ def test_what_contradicts_gives_way_to_what_is_visible(wrong, resolution):
     assert (centres > low - margin).all()
     assert (centres < high + margin).all()
     np.testing.assert_array_equal(after.instances == 2, before.instances == 2)
+
+
+def test_a_vessel_is_judged_by_what_it_may_hold():
+    """A camera doesn't see the rim that is nearest to it: much of a wall, little of a bowl."""
+    shape = Vessel(0.08, 0.4, 0.5, 0.06, 0.004)
+    bowl = PlacedShape(shape, Pose([0, 0, -shape.bottom], [1, 0, 0, 0]))
+    mesh = bowl.mesh()
+    camera = camera_at(eye=(0.0, -0.6, 0.6))
+    frame = replace(frame_of(camera, (OTHER,)), camera=camera)
+    depth, is_bowl = pictured(mesh, camera)
+    y = world_points(replace(frame, depth=depth))[..., 1]
+    visible = is_bowl & (y > -0.05)
+    frame = replace(frame, depth=np.where(visible, depth, frame.depth).astype(np.float32))
+    grid = GridSpec()
+    tsdf, instances = mesh_volumes([(1, mesh)], grid)
+    walls = estimate_objects({1: mesh}, {1: 0.8})
+    vessel = estimate_objects({1: mesh}, {1: 0.8}, {1: bowl})
+    estimate = SceneEstimate(vessel, grid, tsdf, instances, frame, masks=visible.astype(np.int32))
+    assert plausible(estimate, Observation(frame)) is estimate
+    assert contradicted(replace(estimate, objects=walls), Observation(frame)) == {1}
+    unseen = replace(frame, depth=frame_of(camera, (OTHER,)).depth)
+    assert contradicted(estimate, Observation(unseen)) == {1}
 
 
 def test_columns_hold_what_is_below_points():
