@@ -138,6 +138,7 @@ DELETED: Mapping[str, str] = {
     "edges.min_step": _FIXED,
     "edges.colour.core_ratio": _FIXED,
     "segmentation.min_object_probability": "segmentation.min_pixel_probability",
+    "segmentation.shown": "segmentation.min_pixel_probability",
     "obstacles.min_enclosed_ratio": "obstacles.max_size, over which rims are looked at",
 }
 """What is gone, and what does the same or better."""
@@ -157,7 +158,6 @@ KEYS: Mapping[str, str] = {
     "parts": "segmentation",
     "segmentation.sure": "segmentation.min_core_affinity",
     "segmentation.seed": "segmentation.min_region",
-    "segmentation.shown": "segmentation.min_pixel_probability",
     "segmentation.pixel": "segmentation.min_pixel_probability",
     "segmentation.margin": "segmentation.floor_margin",
     "segmentation.smallest": "segmentation.min_pixels",
@@ -189,7 +189,6 @@ KEYS: Mapping[str, str] = {
     "reconstructor.suppress": "completion.max_iou",
     "parts.seed": "segmentation.min_region",
     "parts.sure": "segmentation.min_core_affinity",
-    "parts.shown": "segmentation.min_pixel_probability",
     "parts.pixel": "segmentation.min_pixel_probability",
     "parts.margin": "segmentation.floor_margin",
     "parts.smallest": "segmentation.min_pixels",

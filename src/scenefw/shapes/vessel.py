@@ -95,6 +95,10 @@ class Vessel:
         """Volume of its walls and bottom (m^3)."""
         return self._moments.volume
 
+    def filled_volume(self) -> float:
+        """Volume within its outside, up to the rim (m^3)."""
+        return moments(self.filled_mesh()).volume
+
     def solid(self) -> SolidMesh:
         """The same as a mesh that collides as convex pieces of its wall and bottom."""
         mesh = self.mesh()

@@ -297,8 +297,8 @@ def _say_doubt(path: Path, height_map: HeightMap) -> None:
         name = height_map.classes[np.bincount(things).argmax()]
         print(
             f"{path}: of the half of the map nearest to the table's plane, "
-            f"{len(things) / len(labels):.0%} is labelled as things, mostly {name}; the network "
-            "hardly knows such a table. Heights alone tell tables from things: labelling=map_based "
+            f"{len(things) / len(labels):.0%} is labelled as things, mostly {name}; these "
+            "labels are doubtful. Heights alone tell tables from things: labelling=map_based "
             "map_label_source=by_height",
             file=sys.stderr,
         )

@@ -1,11 +1,13 @@
-"""Depth images of boxes on a table, ray-cast analytically, independent of the renderer."""
+"""Depth images of boxes on a table, ray-cast analytically, and of meshes, by rays."""
 
 from dataclasses import dataclass
 
 import numpy as np
+import torch
 
 from scenefw.core.geometry import look_at, rigid
 from scenefw.core.types import Camera, Frame
+from scenefw.kernels.meshes import Tree
 
 
 @dataclass(frozen=True)
@@ -31,6 +33,17 @@ def camera_at(eye=(0.1, -0.8, 0.6), target=(0.0, 0.0, 0.05), roll=0.0, size=(320
     return Camera(
         width, height, focal, focal, (width - 1) / 2, (height - 1) / 2, look_at(eye, target) @ turn
     )
+
+
+def cast_at(mesh, camera):
+    """Depth (H, W) of a mesh before a posed camera, and where it is seen (H, W)."""
+    u, v = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
+    local = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(u.shape)])
+    ahead = local.reshape(3, -1).T @ camera.T_world_camera[:3, :3].T
+    eyes = np.broadcast_to(camera.T_world_camera[:3, 3], ahead.shape)
+    rays = np.concatenate([eyes, ahead], axis=1).astype(np.float32)
+    depth, hit, _ = Tree(mesh.vertices[mesh.faces].astype(np.float32)).cast(torch.from_numpy(rays))
+    return depth.numpy().reshape(u.shape), (hit.numpy() >= 0).reshape(u.shape)
 
 
 def frame_of(camera, boxes=STACK, table=None, noise=0.0, name="synthetic", room=None):

@@ -50,7 +50,6 @@ class Vessels:
     the view doesn't see. A superquadric doesn't explain what is seen through it: the far wall of a
     bowl lies on the surface of an ellipsoid, but on the side that looks away. Most of a vessel's
     width has to be seen, and it must not be flat, so that no wave of the floor becomes a plate.
-    What contradicts the image gives way later (`estimate.plausibility`).
 
     Args:
         fit: of a vessel to points.
@@ -147,6 +146,7 @@ class Vessels:
         vessels: dict[int, FittedVessel] = {}
         if view.eye is None:  # no camera looks into anything
             return vessels
+        free = view.clear  # so that no wall lies in it by half a voxel
         for label in labels:
             points = self._points(masks, view, label, self.points)
             if len(points) < self.min_points:
@@ -160,7 +160,7 @@ class Vessels:
                 continue
             vessel = self.fit.fit(points, view.eye)
             if self.tolerances.inlier_ratio(vessel.distances) >= min_ratio and self._is_open(
-                vessel, points, view.grid
+                vessel, points, view.grid, free
             ):
                 vessels[label] = vessel
         return vessels
@@ -192,7 +192,7 @@ class Vessels:
             return False
         points = np.concatenate([a, b])
         vessel = self.fit.fit(points, view.eye)
-        if not self._is_open(vessel, points, view.grid):
+        if not self._is_open(vessel, points, view.grid, view.clear):
             return False
         parts = np.s_[: len(a)], np.s_[len(a) :]
         ratios = [self.tolerances.inlier_ratio(vessel.distances[part]) for part in parts]
@@ -222,8 +222,12 @@ class Vessels:
         probes = points + _PROBE_DISTANCE * to_eye / np.linalg.norm(to_eye, axis=1, keepdims=True)
         return float((inliers & (signed_distance(superquadric, probes) > -_MAX_PROBE_DEPTH)).mean())
 
-    def _is_open(self, vessel: FittedVessel, points: Float64, grid: GridSpec) -> bool:
-        """Whether the view sees into it, and it lies in the grid."""
+    def _is_open(self, vessel: FittedVessel, points: Float64, grid: GridSpec, free: Mask) -> bool:
+        """Whether the view sees into it, and through little of its wall.
+
+        Depth hides the rim that is nearest to the camera, so what is seen through is compared with
+        the volume within the vessel's outside, not with that of its wall.
+        """
         rim = vessel.pose.position[2] + vessel.shape.bottom + vessel.shape.height
         interior = vessel.inside & (points[:, 2] < rim - self.min_depth)
         visible_width = np.ptp(points[:, :2], axis=0).max()
@@ -231,7 +235,11 @@ class Vessels:
         if interior.mean() < MINORITY or narrow or vessel.shape.height < self.min_height:
             return False
         corners = vessel.shape.mesh(MESH_SECTIONS).vertices + vessel.pose.position
-        return bool(grid.nearest_voxels(corners)[1].mean() >= 1 - STRAYS)
+        voxels, inside = grid.nearest_voxels(corners)
+        free_volume = free[tuple(voxels[inside].T)].mean() * vessel.shape.volume()
+        return bool(
+            inside.mean() >= 1 - STRAYS and free_volume < MINORITY * vessel.shape.filled_volume()
+        )
 
 
 def with_vessels(hypothesis: ObjectSet, vessels: Mapping[int, FittedVessel]) -> ObjectSet:

@@ -126,8 +126,9 @@ class _Checks:
         Its walls are so thin that errors of depth along its rim alone are much of theirs.
         """
         shape = None if item.placed is None else item.placed.shape
-        solid = shape.filled_mesh() if isinstance(shape, Vessel) else item.mesh
-        return self.flaws(item.mesh, item.id, moments(solid).volume)
+        if isinstance(shape, Vessel):
+            return self.flaws(item.mesh, item.id, shape.filled_volume())
+        return self.flaws(item.mesh, item.id, moments(item.mesh).volume)
 
     def flaws(self, mesh: TriangleMesh, label: int, volume: float) -> float:
         """0 if a closed mesh contradicts nothing; else in how many ways, and how much.

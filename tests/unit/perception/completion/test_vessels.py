@@ -8,6 +8,7 @@ import pytest
 import torch
 import trimesh
 from scipy.spatial import cKDTree
+from tests.unit.perception.synthetic import cast_at
 from tests.unit.perception.usual_fits import TOLERANCES
 
 import scenefw
@@ -17,7 +18,6 @@ from scenefw.core.geometry import look_at
 from scenefw.core.types import Camera, GridSpec, Pose, TriangleMesh
 from scenefw.fitting.vessels import VesselFit
 from scenefw.kernels.cameras import stack_cameras
-from scenefw.kernels.meshes import Tree
 from scenefw.noise.stereo import Stereo
 from scenefw.perception.completion.vessels import Vessels
 from scenefw.perception.estimate.composition import with_vessels
@@ -42,14 +42,7 @@ def lens(eye, size=(320, 240)):
 def pictured(mesh, camera):
     """Depth (H, W) of a mesh that stands on the floor at `PLACE`, and where it is seen (H, W)."""
     corners = mesh.vertices + [*PLACE, -mesh.vertices[:, 2].min()]
-    u, v = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
-    ahead = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(u.shape)])
-    ahead = np.moveaxis(ahead, 0, -1).reshape(-1, 3) @ camera.T_world_camera[:3, :3].T
-    eye = np.broadcast_to(camera.T_world_camera[:3, 3], ahead.shape)
-    rays = np.concatenate([eye, ahead], axis=1).astype(np.float32)
-    far, hit, _ = Tree(corners[mesh.faces].astype(np.float32)).cast(torch.from_numpy(rays))
-    shape = (camera.height, camera.width)
-    return far.numpy().reshape(shape), (hit.numpy() >= 0).reshape(shape)
+    return cast_at(TriangleMesh(corners, mesh.faces), camera)
 
 
 def scene_of(mesh, eye, resolution=64, size=(320, 240)):
@@ -179,6 +172,22 @@ def test_without_one_eye_and_with_few_points_nothing_is_hollow():
     masks, geometry = scene_of(MUG.mesh(), EYES[0])
     assert detected(masks, replace(geometry, eye=None)) == {}
     assert detected(masks, geometry, min_points=10**6) == {}
+
+
+@pytest.mark.parametrize("vessel", [MUG, BOWL])
+def test_a_wall_where_the_view_sees_through_is_none(vessel):
+    masks, geometry = scene_of(vessel.mesh(), EYES[0])
+    everything = np.ones_like(geometry.free)
+    assert detected(masks, replace(geometry, free=everything)) == {}
+
+
+def test_a_vessel_stays_whose_nearest_rim_is_seen_through():
+    """More than a tenth of its wall is much less than a tenth of what is within it."""
+    masks, geometry = scene_of(BOWL.mesh(), EYES[0])
+    towards = geometry.eye[:2] - PLACE
+    offsets = geometry.grid.centres()[..., :2] - PLACE
+    is_near = offsets @ towards > 0.03 * np.linalg.norm(towards)
+    assert list(detected(masks, replace(geometry, free=geometry.free | is_near))) == [1]
 
 
 def test_pixels_between_two_surfaces_do_not_count():

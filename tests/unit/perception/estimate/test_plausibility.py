@@ -4,12 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 import trimesh
-from tests.unit.perception.synthetic import Box, camera_at, frame_of
+from tests.unit.perception.synthetic import Box, camera_at, cast_at, frame_of
 
 from scenefw.core.types import GridSpec, PlacedShape, Pose, SceneEstimate, TriangleMesh
-from scenefw.kernels.meshes import Tree
 from scenefw.perception.estimate.objects import estimate_objects
 from scenefw.perception.estimate.plausibility import columns_below, contradicted, plausible
 from scenefw.perception.evidence.mesh_distances import mesh_volumes
@@ -24,17 +22,6 @@ OTHER = Box((0.15, -0.05, 0.0), (0.2, 0.0, 0.1))
 def solid(lower, upper):
     mesh = trimesh.creation.box(bounds=(lower, upper))
     return TriangleMesh(np.asarray(mesh.vertices), np.asarray(mesh.faces))
-
-
-def pictured(mesh, camera):
-    """Depth (H, W) of a mesh, and where it is seen (H, W)."""
-    u, v = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
-    local = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(u.shape)])
-    ahead = local.reshape(3, -1).T @ camera.T_world_camera[:3, :3].T
-    eyes = np.broadcast_to(camera.T_world_camera[:3, 3], ahead.shape)
-    rays = np.concatenate([eyes, ahead], axis=1).astype(np.float32)
-    depth, hit, _ = Tree(mesh.vertices[mesh.faces].astype(np.float32)).cast(torch.from_numpy(rays))
-    return depth.numpy().reshape(u.shape), (hit.numpy() >= 0).reshape(u.shape)
 
 
 def judged(mesh, resolution=64, size=(320, 240)):
@@ -88,7 +75,7 @@ def test_a_vessel_is_judged_by_what_it_may_hold():
     mesh = bowl.mesh()
     camera = camera_at(eye=(0.0, -0.6, 0.6))
     frame = replace(frame_of(camera, (OTHER,)), camera=camera)
-    depth, is_bowl = pictured(mesh, camera)
+    depth, is_bowl = cast_at(mesh, camera)
     y = world_points(replace(frame, depth=depth))[..., 1]
     visible = is_bowl & (y > -0.05)
     frame = replace(frame, depth=np.where(visible, depth, frame.depth).astype(np.float32))

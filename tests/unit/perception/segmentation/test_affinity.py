@@ -317,7 +317,8 @@ def test_shipped_weights_cut_real_images_better_than_creases_do(real_data):
     assert 10 <= cut(methods["network"], first).max() <= 20
 
 
-def test_what_is_as_low_as_waves_is_an_objects_if_the_network_says_so():
+@pytest.mark.parametrize("thinned", [1, 2])
+def test_what_is_as_low_as_waves_is_an_objects_if_the_network_says_so(thinned):
     """As the bottom of a bowl: heights alone would cut it out."""
     plate = Box((-0.15, -0.1, 0.0), (0.0, 0.1, 0.003))
     wall = Box((0.0, -0.1, 0.0), (0.15, 0.1, 0.06))
@@ -327,7 +328,7 @@ def test_what_is_as_low_as_waves_is_an_objects_if_the_network_says_so():
     noise = gaussian_filter(np.random.default_rng(0).normal(size=owners.shape), 4)
     depth = frame.depth + (0.003 * noise / noise.std()).astype(np.float32)
     noisy = Observation(replace(frame, depth=np.where(frame.depth > 0, depth, 0)))
-    finder = AffinitySegmentation(Loaded(Showing(owners, camera.fx, 1)))
+    finder = AffinitySegmentation(Loaded(Showing(owners, camera.fx / thinned, 1)))
     parts = finder.segment(noisy)
     assert parts.max() == 1
     assert (parts[frame.labels == 1] > 0).mean() > 0.95
