@@ -32,6 +32,33 @@ _TAUBIN_INFLATION = 0.53  # after each shrinking by 0.5, as Taubin has it: volum
 _CLEARANCE = 1e-3  # of a voxel: a field of 0 in a voxel gives faces without area
 
 
+@dataclass(frozen=True)
+class Foot:
+    """The lower end of a solid, stretched so that it stands on something.
+
+    Args:
+        support: height of what it stands on (m).
+        bottom: height at which it ended (m).
+        top: height from which on it is as it was (m), above both.
+    """
+
+    support: float
+    bottom: float
+    top: float
+
+    def stretched(self, heights: Float64) -> Float64:
+        """Where heights (...) of the solid as it was go."""
+        return self._scaled(heights, (self.top - self.support) / (self.top - self.bottom))
+
+    def unstretched(self, heights: Float64) -> Float64:
+        """The inverse of `stretched`."""
+        return self._scaled(heights, (self.top - self.bottom) / (self.top - self.support))
+
+    def _scaled(self, heights: Float64, factor: float) -> Float64:
+        below = np.minimum(heights - self.top, 0.0)
+        return heights + below * (factor - 1)
+
+
 @dataclass(frozen=True, eq=False)
 class ObjectShell:
     """The shell of one object (Chavan-Dafle et al. 2020), with the gaps of hollow ones.
@@ -42,19 +69,24 @@ class ObjectShell:
         hollow: (R, R) rays that leave it and enter it again.
         depths: (4, R, R) z-depth (m) of ENTRY, EXIT, GAP_START and GAP_END; entry and exit matter
             where `amodal`, the others where `hollow`.
+        foot: its lower end, if that goes on further down than rays say.
     """
 
     camera: Camera
     amodal: Mask
     hollow: Mask
     depths: Float64
+    foot: Foot | None = None
 
     def signed_distance(self, places: Float64) -> Float64:
         """Distance (...) of places (..., 3) to the surface (m), negative inside.
 
         The larger one of that along the ray and that across it; no place below the floor is inside.
         """
-        camera = self.camera
+        camera, shape = self.camera, places.shape[:-1]
+        if self.foot is not None:
+            heights = self.foot.unstretched(places[..., 2])
+            places = np.concatenate([places[..., :2], heights[..., None]], axis=-1)
         pose = torch.from_numpy(camera.T_world_camera).float()
         world = torch.from_numpy(np.ascontiguousarray(places, np.float32)).reshape(-1, 3)
         local = (world - pose[:3, 3]) @ pose[:3, :3]
@@ -75,7 +107,7 @@ class ObjectShell:
         if self.hollow.any():
             in_gap = torch.maximum(gap_start - z, z - gap_end)
             distance = torch.maximum(distance, -torch.maximum(in_gap, beside_gap * width))
-        return distance.reshape(places.shape[:-1]).double().numpy()
+        return distance.reshape(shape).double().numpy()
 
     @cached_property
     def _fields(self) -> Tensor:
@@ -92,14 +124,17 @@ class ObjectShell:
         return float(np.median(self.depths[ENTRY][self.amodal]) / self.camera.fx)
 
     def places(self) -> Float64:
-        """Entry and exit points (P, 3) of all rays that meet it, in the world."""
+        """Points (P, 3) where all rays that meet it enter and leave it, in the world."""
         camera, (v, u) = self.camera, np.nonzero(self.amodal)
         directions = np.ones((len(u), 3))
         directions[:, 0] = (u - camera.cx) / camera.fx
         directions[:, 1] = (v - camera.cy) / camera.fy
         depths = self.depths[[ENTRY, EXIT]][:, v, u].ravel()[:, None]
         local = np.tile(directions, (2, 1)) * depths
-        return local @ camera.T_world_camera[:3, :3].T + camera.T_world_camera[:3, 3]
+        places = local @ camera.T_world_camera[:3, :3].T + camera.T_world_camera[:3, 3]
+        if self.foot is not None:
+            places[:, 2] = self.foot.stretched(places[:, 2])
+        return places
 
     def mesh(self, voxel: float) -> TriangleMesh | None:
         """The closed surface of its largest piece; None without volume.

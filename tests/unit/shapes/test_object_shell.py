@@ -11,7 +11,7 @@ from skimage.measure import marching_cubes
 
 from scenefw.core.geometry import look_at
 from scenefw.core.types import Camera
-from scenefw.shapes.object_shell import ObjectShell
+from scenefw.shapes.object_shell import Foot, ObjectShell
 
 CENTRE = np.array([0.1, -0.05, 0.08])
 DOWN = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -127,3 +127,27 @@ def test_what_is_cut_by_the_image_ends_there():
 def test_without_rays_there_is_no_mesh():
     nothing = replace(slabs(0.0), amodal=np.zeros((64, 64), bool))
     assert nothing.mesh(0.002) is None
+
+
+@given(
+    support=st.floats(0, 0.1), bottom=st.floats(0.11, 0.2), top=st.floats(0.21, 0.3),
+    height=st.floats(-0.1, 0.5),
+)  # fmt: skip
+def test_a_foot_reaches_its_support_and_all_above_stays(support, bottom, top, height):
+    foot = Foot(support, bottom, top)
+    heights = np.array([bottom, top, height])
+    stretched = foot.stretched(heights)
+    np.testing.assert_allclose(stretched[:2], [support, top], atol=1e-9)
+    np.testing.assert_allclose(foot.unstretched(stretched), heights, atol=1e-9)
+    assert height < top or stretched[2] == height
+
+
+@pytest.mark.parametrize("size", [48, 96])
+def test_a_block_with_a_foot_stands(size):
+    """From 10 to 20 cm above the floor; its lower half is stretched down to 2 cm."""
+    block = slabs(0.0, size, size // 2)
+    standing = replace(block, foot=Foot(0.02, 0.1, 0.15))
+    before, after = (solid(shell.mesh(0.0025)) for shell in (block, standing))
+    assert after.bounds[0, 2] == pytest.approx(0.02, abs=0.003)
+    np.testing.assert_allclose(after.bounds[1], before.bounds[1], atol=1e-3)
+    assert after.volume == pytest.approx(before.volume * 1.8, rel=0.12)  # a pyramid's part

@@ -12,7 +12,7 @@ from scenefw.core.settings import COUNT, NOT_NEGATIVE, above
 from scenefw.data.batches.view_samples import ObjectSamples
 from scenefw.fitting.placed import signed_distance
 from scenefw.perception.completion.extent_inputs import ExtentInputs
-from scenefw.perception.completion.support import extend_to_support
+from scenefw.perception.completion.support import extend_shells, extend_to_support
 from scenefw.perception.evidence.pseudo_observations import add_predicted_surface
 from scenefw.perception.steps import ObjectSet
 
@@ -94,7 +94,10 @@ class ExtentSampling:
     ) -> list[ObjectSet]:
         """The median of samples, and then further ones; in these also objects that nobody sees."""
         sets = self._superquadrics(fits, view, samples, generator)
-        return sets if self.shells is None else self.shells.beside(sets, view, generator)
+        if self.shells is None:
+            return sets
+        sets = self.shells.beside(sets, view, generator)
+        return [extend_shells(hypothesis, view) for hypothesis in sets]
 
     def _superquadrics(
         self, fits: Fits, view: Observation, samples: int, generator: torch.Generator

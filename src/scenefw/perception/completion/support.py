@@ -12,6 +12,7 @@ from scenefw.fitting.placed import EDGE_POINTS, MIN_HALF_AXIS, in_frame_of, shap
 from scenefw.perception.observation.components import TOUCH
 from scenefw.perception.observation.free_space import free_ratio
 from scenefw.perception.observation.points import MIN_PARALLEL_COSINE, MINORITY
+from scenefw.shapes.object_shell import Foot
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 
     from scenefw.core.evidence import FittedSuperquadric
     from scenefw.core.types import Float64, GridSpec
+    from scenefw.perception.observation.observation import Observation
+    from scenefw.perception.steps import ObjectSet
 
 _FOOTPRINT_RATIO = 0.8  # share of the footprint that is looked below
 _STEP = 0.005  # m, downwards
@@ -48,6 +51,26 @@ def extend_to_support(
     ]
 
 
+def extend_shells(hypothesis: ObjectSet, view: Observation) -> ObjectSet:
+    """The hypothesis, whose shells that hang in the air go on to what is below.
+
+    What is visible of them stays as it is. Other objects are where their superquadrics are.
+    """
+    shapes, masks = hypothesis.superquadrics or {}, hypothesis.objects.pixels
+    shells = {}
+    for label, shell in hypothesis.shells.items():
+        places = shell.places()
+        bottom = float(places[:, 2].min())
+        neighbours = [shape for other, shape in shapes.items() if other != label]
+        footprint = places[:: len(places) // EDGE_POINTS**2 + 1]
+        gap = _gap(footprint, bottom, neighbours, view.clear, view.grid)
+        lowest_visible = float(np.nanmin(view.points[masks == label][:, 2], initial=np.inf))
+        top = max(min(lowest_visible, float(places[:, 2].max())), bottom + shell.pixel)
+        foot = Foot(bottom - gap, bottom, top)
+        shells[label] = replace(shell, foot=foot) if gap else shell
+    return replace(hypothesis, shells=shells)
+
+
 def _extend_down(
     superquadric: FittedSuperquadric,
     neighbours: Sequence[FittedSuperquadric],
@@ -62,18 +85,37 @@ def _extend_down(
         return superquadric
     if bottom <= TOUCH:
         return _lengthen(superquadric, axis, min(bottom, 0.0))
+    footprint = _footprint(superquadric, axis)
+    return _lengthen(superquadric, axis, _gap(footprint, bottom, neighbours, free, grid))
+
+
+def _gap(
+    footprint: Float64,
+    bottom: float,
+    neighbours: Sequence[FittedSuperquadric],
+    free: NDArray[np.bool_],
+    grid: GridSpec,
+) -> float:
+    """From a bottom down to what is below it (m); 0 if it touches that, or the view sees through.
+
+    Args:
+        footprint: (P, 2 or 3) places below which is looked.
+        bottom: height of the lowest point (m).
+        neighbours: that may carry it, as the floor may.
+        free: (X, Y, Z) what the view shows to be free.
+        grid: of free space.
+    """
     heights = np.arange(bottom - _STEP, 0, -_STEP)
-    footprint = _footprint(superquadric, axis)[None]
-    probes = footprint * [1.0, 1.0, 0.0] + heights[:, None, None] * [0.0, 0.0, 1.0]
+    probes = np.zeros((len(heights), len(footprint), 3))
+    probes[..., :2], probes[..., 2] = footprint[:, :2], heights[:, None]
     support_mask = np.zeros(len(heights), dtype=bool)
     for neighbour in neighbours:
         inside = shape_of(neighbour).value(in_frame_of(neighbour, probes)) < 1
         support_mask |= inside.any(axis=1)
     support_index = int(support_mask.argmax()) if support_mask.any() else len(heights)
     gap = bottom - (heights[support_index] if support_mask.any() else 0.0)
-    if gap <= TOUCH or free_ratio(probes[:support_index], free, grid) > MINORITY:
-        return superquadric
-    return _lengthen(superquadric, axis, gap)
+    is_seen_through = free_ratio(probes[:support_index], free, grid) > MINORITY
+    return 0.0 if gap <= TOUCH or is_seen_through else gap
 
 
 def _lengthen(superquadric: FittedSuperquadric, axis: int, length: float) -> FittedSuperquadric:

@@ -15,7 +15,7 @@ from scenefw.perception.estimate.composition import composed, shell_meshes, with
 from scenefw.perception.estimate.marked_objects import called, marked_solids
 from scenefw.perception.estimate.mask_cleanup import with_unmeasured_pixels, without_holes
 from scenefw.perception.estimate.objects import estimate_objects
-from scenefw.perception.estimate.plausibility import contradicted, objects_with, plausible
+from scenefw.perception.estimate.plausibility import objects_with, plausible
 from scenefw.perception.estimate.shape_cues import shape_cues
 from scenefw.perception.evidence.visible_instances import visible_instances
 from scenefw.perception.observation.image_turns import turned, turned_pixels
@@ -102,62 +102,40 @@ class SceneAssembly:
             estimate = scene_estimate(
                 scene, view.grid, frame, agreement, _details(view, origin), solids[number]
             )
+            if self.carve:
+                estimate = plausible(estimate, view)
             if number == 0 and meshes:
-                estimate, shell_ids = self._with_probable_shells(
-                    estimate, meshes, sets[0], view, agreement
-                )
-            else:
-                shells = {k: v for k, v in sets[number].shells.items() if k in shell_ids}
-                estimate = _with_volumes(estimate, shells)
-                objects = objects_with(estimate.objects, shell_meshes(shells))
-                estimate = self._judged(replace(estimate, objects=objects), view, agreement)
+                shell_ids = _surer(*self.alternatives(estimate, meshes, view, agreement))
+            shells = {k: v for k, v in sets[number].shells.items() if k in shell_ids}
+            estimate = with_confidence(
+                _with_shells(estimate, shells), view, agreement, self.calibration
+            )
             if gradient is not None and view.masks is None:  # who marks objects knows their ends
                 estimate = _with_unmeasured_pixels(estimate, view, gradient)
             estimate = replace(estimate, obstacles=obstacles)
             estimate = _turned_back(estimate, view.turns)
             yield called(estimate, view.ids) if marks else estimate
 
-    def _with_probable_shells(
+    def alternatives(
         self,
         estimate: SceneEstimate,
         meshes: Mapping[int, TriangleMesh],
-        hypothesis: ObjectSet,
         view: Observation,
         agreement: Mapping[int, float],
-    ) -> tuple[SceneEstimate, set[int]]:
-        """The judged scene with the shells of which more overlap is to be expected, and their ids.
+    ) -> tuple[SceneEstimate, SceneEstimate]:
+        """A scene, and the same with other meshes, closed, of its objects; how sure both are.
 
         Args:
-            estimate: whose objects have no shells.
-            meshes: of their shells, by id.
-            hypothesis: that has the shells.
-            view: with its image.
+            estimate: with masks.
+            meshes: by id.
+            view: that shows it.
             agreement: of hypotheses on each object, by id.
         """
-        learned = replace(estimate, objects=objects_with(estimate.objects, meshes))
-        usual = self._judged(estimate, view, agreement)
-        flawed = contradicted(learned, view) if self.carve else set()
-        if view.image is not None:
-            learned = with_confidence(learned, view, agreement, self.calibration)
-        pairs = list(zip(usual.objects, learned.objects, strict=True))
-        ids = {
-            shell.id
-            for item, shell in pairs
-            if shell.id in meshes and shell.id not in flawed and shell.confidence > item.confidence
-        }
-        objects = tuple(shell if shell.id in ids else item for item, shell in pairs)
-        scene = _with_volumes(usual, {k: hypothesis.shells[k] for k in ids})
-        return replace(scene, objects=objects), ids
-
-    def _judged(
-        self, estimate: SceneEstimate, view: Observation, agreement: Mapping[int, float]
-    ) -> SceneEstimate:
-        """The scene without what contradicts the image, and how sure each object is."""
-        if self.carve:
-            estimate = plausible(estimate, view)
-        if view.image is None:
-            return estimate
-        return with_confidence(estimate, view, agreement, self.calibration)
+        other = replace(estimate, objects=objects_with(estimate.objects, meshes))
+        return (
+            with_confidence(estimate, view, agreement, self.calibration),
+            with_confidence(other, view, agreement, self.calibration),
+        )
 
 
 def _placed_meshes(scene: Completion) -> dict[int, TriangleMesh]:
@@ -187,10 +165,17 @@ def _lasting(
     }
 
 
-def _with_volumes(estimate: SceneEstimate, shells: Mapping[int, ObjectShell]) -> SceneEstimate:
-    """The scene with the volumes of some objects' shells."""
+def _surer(estimate: SceneEstimate, other: SceneEstimate) -> set[int]:
+    """Ids of the objects of which another scene is surer."""
+    pairs = zip(estimate.objects, other.objects, strict=True)
+    return {item.id for item, rival in pairs if rival.confidence > item.confidence}
+
+
+def _with_shells(estimate: SceneEstimate, shells: Mapping[int, ObjectShell]) -> SceneEstimate:
+    """The scene with volumes and meshes of some objects' shells."""
     tsdf, instances = with_shells(estimate.tsdf, estimate.instances, shells, estimate.grid)
-    return replace(estimate, tsdf=tsdf, instances=instances)
+    objects = objects_with(estimate.objects, shell_meshes(shells))
+    return replace(estimate, tsdf=tsdf, instances=instances, objects=objects)
 
 
 def with_confidence(
@@ -203,10 +188,12 @@ def with_confidence(
 
     Args:
         estimate: with masks.
-        view: with its image.
+        view: that shows it; of several images together there are no cues, and nothing changes.
         agreement: of hypotheses on each object, by id.
         calibration: from cues to confidence; None: agreement is the confidence.
     """
+    if view.image is None:
+        return estimate
     cues = shape_cues(estimate, view, agreement)
     objects = []
     for item in estimate.objects:

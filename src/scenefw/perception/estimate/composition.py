@@ -10,6 +10,7 @@ from scipy.ndimage import binary_dilation
 
 from scenefw.core.batches import Completion, SceneParameters
 from scenefw.core.types import PlacedShape
+from scenefw.core.weak_cache import cached_by_identity
 from scenefw.fitting.placed import shape_of
 from scenefw.fitting.vessels import MESH_SECTIONS
 from scenefw.representations.volumes import scene_volumes
@@ -62,8 +63,13 @@ def composed(hypothesis: ObjectSet, view: View) -> Completion:
 
 def shell_meshes(shells: Mapping[int, ObjectShell]) -> dict[int, TriangleMesh]:
     """Closed meshes of shells, by label; those without volume have none."""
-    meshes = {k: shell.mesh(max(shell.pixel, _MIN_VOXEL)) for k, shell in shells.items()}
+    meshes = {label: _shell_mesh(shell) for label, shell in shells.items()}
     return {label: mesh for label, mesh in meshes.items() if mesh is not None}
+
+
+@cached_by_identity
+def _shell_mesh(shell: ObjectShell) -> TriangleMesh | None:
+    return shell.mesh(max(shell.pixel, _MIN_VOXEL))
 
 
 def with_shells(

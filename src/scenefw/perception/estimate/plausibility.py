@@ -61,14 +61,6 @@ def plausible(estimate: SceneEstimate, view: Observation) -> SceneEstimate:
     return with_meshes(estimate, changes) if changes else estimate
 
 
-def contradicted(estimate: SceneEstimate, view: Observation) -> set[int]:
-    """Ids of the objects whose shapes contradict the image, as `plausible` says it."""
-    if estimate.masks is None or view.image is None:
-        return set()
-    checks = _Checks(estimate, view)
-    return {item.id for item in estimate.objects if checks.flaws_of(item)}
-
-
 def with_meshes(estimate: SceneEstimate, meshes: dict[int, TriangleMesh]) -> SceneEstimate:
     """The scene with other meshes, closed, for some of its objects, and their volumes."""
     is_old = np.isin(estimate.instances, list(meshes))

@@ -1,6 +1,7 @@
 """Objects that nothing carries go on to the floor or to what is below them."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,12 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from tests.unit.perception.evidence.test_gathering import scene_of
+from tests.unit.shapes.test_object_shell import slabs
 
 from scenefw.core import geometry
 from scenefw.core.evidence import FittedSuperquadric
 from scenefw.core.types import Pose
 from scenefw.fitting.placed import shape_of
-from scenefw.perception.completion.support import extend_to_support
+from scenefw.perception.completion.support import extend_shells, extend_to_support
+from scenefw.perception.steps import Objects, ObjectSet
 
 GRID = scene_of(32)[1].grid
 CLOSED = np.zeros(GRID.shape, dtype=bool)
@@ -90,3 +93,30 @@ def test_the_upper_end_stays_and_the_lower_one_comes_to_the_floor(low, height, t
     tops = [x.pose.position + x.half_axes[2] * up for x in (one, found)]
     assert np.allclose(*tops, atol=1e-6)
     assert -0.01 < ends(found)[0][2] < 0.012  # on the floor, however it was before
+
+
+def extended(free=CLOSED, **superquadrics):
+    """A shell from 10 to 20 cm above the floor, of which a camera above it sees the top alone."""
+    pixels = np.ones((4, 4), np.int32)
+    points = np.full((4, 4, 3), (0.0, 0.0, 0.2))
+    shapes = {int(label[1:]): shape for label, shape in superquadrics.items()}
+    hypothesis = ObjectSet(Objects(pixels), shapes, shells={1: slabs(0.0)})
+    view = SimpleNamespace(points=points, clear=free, grid=GRID)
+    return extend_shells(hypothesis, view).shells[1]
+
+
+def test_a_shell_in_the_air_goes_on_to_the_floor():
+    shell = extended()
+    heights = shell.places()[:, 2]
+    assert heights.min() == pytest.approx(0, abs=1e-6)
+    assert heights.max() == pytest.approx(0.2, abs=1e-6)
+
+
+def test_a_shell_in_the_air_goes_on_to_what_is_below_it():
+    below = box((-0.1, -0.1, 0.0), (0.1, 0.1, 0.05))
+    itself = box((-0.1, -0.1, 0.0), (0.1, 0.1, 0.09))
+    assert extended(_1=itself, _2=below).places()[:, 2].min() == pytest.approx(0.05, abs=0.006)
+
+
+def test_a_shell_below_which_the_view_sees_through_stays():
+    assert extended(free=np.ones_like(CLOSED)).foot is None

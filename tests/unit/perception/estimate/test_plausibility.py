@@ -9,7 +9,7 @@ from tests.unit.perception.synthetic import Box, camera_at, cast_at, frame_of
 
 from scenefw.core.types import GridSpec, PlacedShape, Pose, SceneEstimate, TriangleMesh
 from scenefw.perception.estimate.objects import estimate_objects
-from scenefw.perception.estimate.plausibility import columns_below, contradicted, plausible
+from scenefw.perception.estimate.plausibility import columns_below, plausible
 from scenefw.perception.evidence.mesh_distances import mesh_volumes
 from scenefw.perception.observation.observation import Observation
 from scenefw.perception.observation.points import world_points
@@ -85,9 +85,10 @@ def test_a_vessel_is_judged_by_what_it_may_hold():
     vessel = estimate_objects({1: mesh}, {1: 0.8}, {1: bowl})
     estimate = SceneEstimate(vessel, grid, tsdf, instances, frame, masks=visible.astype(np.int32))
     assert plausible(estimate, Observation(frame)) is estimate
-    assert contradicted(replace(estimate, objects=walls), Observation(frame)) == {1}
-    unseen = replace(frame, depth=frame_of(camera, (OTHER,)).depth)
-    assert contradicted(estimate, Observation(unseen)) == {1}
+    as_mesh = plausible(replace(estimate, objects=walls), Observation(frame))
+    assert as_mesh.objects[0].mesh is not mesh
+    unseen = Observation(replace(frame, depth=frame_of(camera, (OTHER,)).depth))
+    assert plausible(estimate, unseen) is not estimate
 
 
 def test_columns_hold_what_is_below_points():
