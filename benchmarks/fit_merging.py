@@ -52,6 +52,8 @@ class PairRecorder:
 def labelled_pairs(recorder: PairRecorder, labels: Int32) -> tuple[Float64, NDArray[np.bool_]]:
     """Measures (N, 3) of an image's pairs, and whether they are one object (N)."""
     regions, pairs = recorder.regions, recorder.pairs
+    assert regions is not None
+    assert pairs is not None
     step = round(labels.shape[1] / regions.shape[1])
     counts = np.zeros((len(pairs.borders), labels.max() + 2))
     np.add.at(counts, (regions, labels[::step, ::step] + 1), 1)

@@ -13,6 +13,7 @@ import statistics
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numba
 import numpy as np
@@ -158,7 +159,7 @@ def _split(tables: list[PreparedTable]) -> str:
     times = {}
     for name, contrast in (("one ray per pixel", 1.0), ("four more at edges", 0.1)):
         shown = Tables(tables[:SCENES], "cpu", contrast)
-        times[name] = _cpu_time(lambda shown=shown: shown.render(*where)) / SCENES
+        times[name] = _cpu_time(partial(shown.render, *where)) / SCENES
     dark = [replace(t, arrays={**t.arrays, "scenes": _without_lamps(t)}) for t in tables[:SCENES]]
     shown = Tables(dark, "cpu", 1.0)
     times["without lamps, so without shadows"] = _cpu_time(lambda: shown.render(*where)) / SCENES

@@ -35,12 +35,12 @@ COLLECTING = 40.0
 
 def chosen(ledger: Ledger, names: Sequence[str]) -> list[Training]:
     """Trainings that fill a GPU together, the most overdue first."""
-    found, room = [], 1.0
+    room, trainings = 1.0, list[Training]()
     for training in [ledger.training(name) for name in names] or ledger.overdue():
-        if names or not found or training.gpu.part <= room + 1e-6:
-            found.append(training)
+        if names or not trainings or training.gpu.part <= room + 1e-6:
+            trainings.append(training)
             room -= training.gpu.part
-    return found
+    return trainings
 
 
 def train(

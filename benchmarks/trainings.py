@@ -177,8 +177,8 @@ def states_folder() -> Path:
 
 
 def _training(name: str, entry: dict[str, Any]) -> Training:
-    machines = {key: Machine(**entry.pop(key)) for key in ("core", "gpu")}
-    return Training(name, **entry, **machines)
+    core, gpu = (Machine(**entry.pop(key)) for key in ("core", "gpu"))
+    return Training(name, **entry, core=core, gpu=gpu)
 
 
 def promise(curve: Sequence[tuple[int, float]], times: float) -> str:
