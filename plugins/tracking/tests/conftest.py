@@ -1,0 +1,3 @@
+from tests.conftest import scenefw, warm
+
+__all__ = ["scenefw", "warm"]
