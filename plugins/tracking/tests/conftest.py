@@ -1,3 +1,3 @@
-from tests.conftest import scenefw, warm
+from tests.conftest import real_data, scenefw, warm
 
-__all__ = ["scenefw", "warm"]
+__all__ = ["real_data", "scenefw", "warm"]

@@ -87,7 +87,7 @@ def test_poses_of_a_recording_say_how_its_camera_moves(tmp_path):
 
 def test_the_command_line_and_python_track_alike(tmp_path, scenefw):
     """The tracker of `run=predict` makes no hypotheses where the run writes none."""
-    words = ["reconstructor=hull_filling", "device=cpu"]
+    words = ["reconstructor=hull_filling", "reconstructor.grid=${grid}", "device=cpu"]
     for number, boxes in enumerate((CROWD, CROWD[1:]), 1):
         save(tmp_path / "in", number, boxes)
     plain = ["run.hypotheses=false", "run.overview=false", "run.page=false", "paths.output=out"]
