@@ -89,7 +89,7 @@ def load(name: str = "reconstruction", *overrides: str, **settings: Setting) -> 
         from scenefw.api.decomposer import Decomposer
 
         return Decomposer.built(Settings(["run=decompose", *words]))
-    of_plugins = _loaders()
+    of_plugins = loaders()
     if name in of_plugins:
         return of_plugins[name].built(words)
     names = ["reconstruction", "labelling", "decomposing", *of_plugins]
@@ -97,7 +97,7 @@ def load(name: str = "reconstruction", *overrides: str, **settings: Setting) -> 
     raise ConfigError(f"scenefw.load has no '{name}'; {suggestion}")
 
 
-def _loaders() -> dict[str, Any]:
+def loaders() -> dict[str, Any]:
     """What plugins add: `LOADERS` of a module `loading`, from names to classes with `built`."""
     modules = [
         importlib.import_module(f"{plugin.package}.loading")

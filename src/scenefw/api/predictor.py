@@ -6,14 +6,13 @@ import warnings
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from scenefw.api.image import image_of
 from scenefw.api.prediction import Prediction
-from scenefw.api.tracking import Tracking
+from scenefw.core.errors import ConfigError
 from scenefw.data.files.camera_pose import camera_pose_of
 from scenefw.perception.estimate.base_frame import with_camera_in_base
-from scenefw.perception.tracking.tracker import Tracker
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -22,6 +21,23 @@ if TYPE_CHECKING:
     from scenefw.data.files.camera_pose import CameraPose
     from scenefw.data.files.intrinsics import Intrinsics
     from scenefw.perception.pipeline import ReconstructionPipeline
+
+
+class Tracking(Protocol):
+    """What `Predictor.track` gives."""
+
+    def predict(
+        self,
+        depth: ArrayLike | str | Path,
+        intrinsics: Intrinsics | None = None,
+        color: ArrayLike | None = None,
+        mask: ArrayLike | None = None,
+        *,
+        camera_pose: CameraPose = None,
+        depth_scale: float | None = None,
+        name: str | None = None,
+    ) -> Prediction:
+        """Complete objects after the next image; `tracks` says what each does."""
 
 
 class Predictor:
@@ -90,5 +106,18 @@ class Predictor:
             return Prediction(tuple(with_camera_in_base(scene, pose) for scene in scenes))
 
     def track(self) -> Tracking:
-        """What takes the images of a scene in their order; objects keep their ids."""
-        return Tracking(Tracker(self.pipeline), self._computing)
+        """What takes the images of a scene in their order; objects keep their ids.
+
+        Raises:
+            ConfigError: the plugin `tracking` is missing.
+        """
+        from scenefw.api.load import loaders
+
+        made = loaders().get("tracking")
+        if made is None:
+            raise ConfigError(
+                "track() needs the plugin tracking, which is missing; install scenefw with its "
+                "plugins"
+            )
+        tracking: Tracking = made(self.pipeline, self._computing)
+        return tracking

@@ -22,9 +22,11 @@ if TYPE_CHECKING:
     from scenefw.core.measures import Measure
     from scenefw.core.types import (
         Camera,
+        Float32,
         Float64,
         Frame,
         GridSpec,
+        Int32,
         Pose,
         Scene,
         SceneEstimate,
@@ -319,6 +321,43 @@ class CollisionShapes(Protocol):
 
     def parts(self, mesh: TriangleMesh) -> Sequence[TriangleMesh]:
         """Closed convex meshes that stand for a closed mesh."""
+
+
+class SceneOverTime(Protocol):
+    """A scene after an image of several."""
+
+    @property
+    def scenes(self) -> Sequence[SceneEstimate]:
+        """Its hypotheses; an object has the same id in all images."""
+
+    @property
+    def partial(self) -> Float32:
+        """(X, Y, Z) partial TSDF of the last image that was looked at anew (m)."""
+
+    @property
+    def warnings(self) -> Sequence[str]:
+        """What looks wrong about the image."""
+
+
+class ObjectTracking(Protocol):
+    """Follows objects over the images of a scene (group `tracking`)."""
+
+    def track(
+        self,
+        frame: Frame,
+        mask: NDArray[np.bool_] | Int32 | None = None,
+        T_base_camera: Float64 | None = None,  # noqa: N803
+    ) -> SceneOverTime:
+        """The scene after the next image; one that is refused changes nothing.
+
+        Args:
+            frame: of the same camera as those before.
+            mask: (H, W), where objects are; None: anywhere.
+            T_base_camera: 4x4 pose of the camera in a base that stands still; None: it stands.
+
+        Raises:
+            InputError: the image is unusable, or doesn't fit those before.
+        """
 
 
 class Result(Protocol):

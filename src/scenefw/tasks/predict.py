@@ -7,18 +7,17 @@ import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
-from scenefw.core.errors import InputError
+from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.files import require_writable
 from scenefw.core.folders import replacing_folder, require_replaceable
-from scenefw.core.protocols import SceneFormat, Settling
+from scenefw.core.protocols import ObjectTracking, SceneFormat, Settling
 from scenefw.core.types import Float32, Float64, Frame, SceneEstimate
 from scenefw.data.files.camera_pose import camera_pose_of
 from scenefw.perception.estimate.base_frame import with_camera_in_base
 from scenefw.perception.physics.settling import words as settled_words
 from scenefw.perception.pipeline import ReconstructionPipeline
-from scenefw.perception.tracking.tracker import Tracker
 from scenefw.report.hypotheses import draw_hypotheses
 from scenefw.report.overview import write_overview
 from scenefw.report.page import write_scene_page
@@ -30,6 +29,13 @@ from scenefw.report.window import two_views
 from scenefw.tasks.depth_images import DepthImages
 from scenefw.tasks.scene_files import write_scene
 from scenefw.tasks.several_images import finished, require_some
+
+
+class TrackerSource(Protocol):
+    """Where a tracker comes from, asked only if a run tracks."""
+
+    def __call__(self) -> Callable[..., ObjectTracking] | None:
+        """What makes one of a pipeline and `hypotheses`; None: nothing does."""
 
 
 class Predict:
@@ -59,9 +65,10 @@ class Predict:
         track: the images show one scene in the order of their names: objects keep their ids, and
             `scene.json` says what each does. The camera must stand still, or the folder hold its
             poses as a recording does (`data.files.image_poses`); results are then in their world.
+        tracking: with what.
 
     Raises:
-        ConfigError: no input is given, or the depth scale is not positive.
+        ConfigError: no input is given, the depth scale is not positive, or nothing tracks.
         InputError: what is given is no pose.
     """
 
@@ -81,6 +88,7 @@ class Predict:
         masks: str | Path | None = None,
         camera_pose: str | Sequence[float] | None = None,
         track: bool = False,
+        tracking: TrackerSource | None = None,
     ) -> None:
         self.images = DepthImages("predict", input, intrinsics, depth_scale, masks, output)
         self.pipeline, self.output, self.settling = pipeline, Path(output), settling
@@ -88,7 +96,7 @@ class Predict:
         self.hypotheses = hypotheses
         self.exports = dict(exports or {})
         self.camera_pose = camera_pose_of(camera_pose, "run.camera_pose")
-        self.tracker = Tracker(pipeline, hypotheses=hypotheses) if track else None
+        self.tracker = _maker(tracking)(pipeline, hypotheses=hypotheses) if track else None
         self._poses: Mapping[Path, Float64 | None] = {}
 
     def run(self) -> dict[str, float]:
@@ -179,7 +187,7 @@ class Predict:
         self, frame: Frame, mask: Any, camera_pose: Float64 | None
     ) -> tuple[list[SceneEstimate], Float32]:
         """All hypotheses, or the most typical one, and the partial TSDF (X, Y, Z; m)."""
-        warnings: tuple[str, ...]
+        warnings: Sequence[str]
         if self.tracker is None:
             view = self.pipeline.observe(frame, mask)
             warnings, partial = view.warnings, view.partial.distance[0, 0].cpu().numpy()
@@ -211,3 +219,18 @@ class Predict:
             name.with_name(image.name.replace(".", "_")) if shared[name] > 1 else name
             for name, image in zip(names, images, strict=True)
         ]
+
+
+def _maker(tracking: TrackerSource | None) -> Callable[..., ObjectTracking]:
+    """What makes a tracker of a pipeline.
+
+    Raises:
+        ConfigError: there is none.
+    """
+    maker = None if tracking is None else tracking()
+    if maker is None:
+        raise ConfigError(
+            "run.track=true needs tracking=objects of the plugin tracking, which is missing or "
+            "left out; install scenefw with its plugins, or leave out run.track"
+        )
+    return maker

@@ -215,6 +215,9 @@ def test_settings_are_checked(tmp_path, pipeline):
         Predict(None, pipeline, tmp_path)
     with pytest.raises(ConfigError, match="depth_scale"):
         Predict(tmp_path, pipeline, tmp_path, depth_scale=0)
+    for tracking in (None, lambda: None):
+        with pytest.raises(ConfigError, match="tracking=objects of the plugin tracking"):
+            Predict(tmp_path / "a", pipeline, tmp_path / "out", track=True, tracking=tracking)
 
 
 def test_output_that_cannot_be_written(tmp_path, pipeline):

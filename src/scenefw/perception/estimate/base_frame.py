@@ -26,7 +26,7 @@ FLOOR_IN_BASE = "T_base_floor"
 """Detail of a scene in a robot's base: where the frame of its floor lies in it."""
 
 TRACKS = "tracks"
-"""Detail of a scene of several images: what each object did (`perception.tracking.tracks`)."""
+"""Detail of a scene of several images: what each object did (plugin `tracking`)."""
 
 
 def with_camera_in_base(estimate: SceneEstimate, T_base_camera: Float64 | None) -> SceneEstimate:  # noqa: N803

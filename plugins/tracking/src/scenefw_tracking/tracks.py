@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from scenefw.core.types import Float32, Float64, Int32, ObjectEstimate
-    from scenefw.perception.tracking.depth_memory import Box, DepthMemory
-    from scenefw.perception.tracking.rigid_motion import Motion
+    from scenefw_tracking.depth_memory import Box, DepthMemory
+    from scenefw_tracking.rigid_motion import Motion
 
     Mask = NDArray[np.bool_]
 

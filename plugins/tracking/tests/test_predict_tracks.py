@@ -2,10 +2,12 @@ import json
 
 import numpy as np
 import pytest
-from tests.unit.perception.tracking.moving_boxes import CROWD, box, camera, image, pipeline
+from plugins.tracking.tests.moving_boxes import CROWD, box, camera, image, pipeline
 
+from scenefw.api.load import load
 from scenefw.core.errors import IncompleteError
 from scenefw.tasks.predict import Predict
+from scenefw_tracking.tracker import Tracker
 
 
 def save(folder, number, boxes, seen_by=None):
@@ -22,7 +24,8 @@ def records(output):
 
 def predict(folder, output, samples=1):
     hidden = {"overview": False, "page": False}
-    return Predict(folder, pipeline(samples), output, track=True, **hidden).run()
+    tracked = {"track": True, "tracking": lambda: Tracker}
+    return Predict(folder, pipeline(samples), output, **tracked, **hidden).run()
 
 
 def test_images_of_a_folder_name_the_same_object_alike(tmp_path):
@@ -80,3 +83,31 @@ def test_poses_of_a_recording_say_how_its_camera_moves(tmp_path):
     true = np.array([(np.array(item.lower) + item.upper) / 2 for item in CROWD])
     distances = np.linalg.norm(centres[:, None] - true[None], axis=-1)
     assert distances.min(axis=0).max() < 0.03
+
+
+def test_the_command_line_and_python_track_alike(tmp_path, scenefw):
+    """The tracker of `run=predict` makes no hypotheses where the run writes none."""
+    words = ["reconstructor=hull_filling", "reconstructor.grid=${grid}", "device=cpu"]
+    for number, boxes in enumerate((CROWD, CROWD[1:]), 1):
+        save(tmp_path / "in", number, boxes)
+    plain = ["run.hypotheses=false", "run.overview=false", "run.page=false", "paths.output=out"]
+    done = scenefw("run=predict", "input=in", "run.track=true", *words, *plain)
+    assert done.returncode == 0, done.stderr
+    views = records(tmp_path / "out")
+    for tracking in (load("tracking", *words), load("reconstruction", *words).track()):
+        for name in ("view_1", "view_2"):
+            prediction = tracking.predict(tmp_path / "in" / f"{name}.npz", name=name)
+            assert views[name]["tracks"] == list(prediction.tracks)
+    assert {track["state"] for track in prediction.tracks} == {"gone", "still"}
+
+
+def test_without_an_option_that_tracks_one_line_says_so(tmp_path, scenefw):
+    save(tmp_path / "in", 1, CROWD)
+    words = ["run=predict", "input=in", "device=cpu", "reconstructor=hull_filling", "~tracking"]
+    done = scenefw(*words, "run.track=true")
+    assert done.returncode == 2
+    assert done.stderr.startswith("error: run.track=true needs tracking=objects of the plugin")
+    assert len(done.stderr.splitlines()) == 1
+    done = scenefw(*words[:-1], "run.tracking=true")
+    assert done.returncode == 2
+    assert "run.tracking is true; expected a part" in done.stderr

@@ -4,10 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.unit.perception.tracking.moving_boxes import CROWD, box, camera, image, pipeline
+from plugins.tracking.tests.moving_boxes import CROWD, box, camera, image, pipeline
 
+from scenefw import plugins
 from scenefw.api.predictor import Predictor
-from scenefw.core.errors import InputError
+from scenefw.contracts import problems
+from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.protocols import ObjectTracking, SceneOverTime
+from scenefw_tracking.tracked_scene import TrackedScene
+from scenefw_tracking.tracker import Tracker
 
 BASE = np.array([[0, -1, 0, 0.5], [1, 0, 0, 0.1], [0, 0, 1, 0.2], [0, 0, 0, 1.0]])
 """The table in the coordinates of a robot's base."""
@@ -78,3 +83,17 @@ def test_what_is_wrong_is_said(predictions):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         tracking.predict(image(CROWD, 2, elsewhere).depth, camera())
+
+
+def test_without_the_plugin_one_line_says_so(monkeypatch):
+    monkeypatch.setattr(plugins, "activate", lambda: ())
+    with pytest.raises(ConfigError, match=r"track\(\) needs the plugin tracking"):
+        Predictor(pipeline(samples=1)).track()
+
+
+KEPT = [(Tracker, ObjectTracking), (TrackedScene, SceneOverTime)]
+
+
+@pytest.mark.parametrize(("kept", "protocol"), KEPT)
+def test_what_the_core_asks_of_a_tracker_is_there(kept, protocol):
+    assert list(problems(kept, protocol)) == []

@@ -9,7 +9,7 @@ from scenefw.core.geometry import rigid
 from scenefw.core.types import TriangleMesh
 from scenefw.perception.estimate.objects import estimate_objects
 from scenefw.perception.estimate.transforms import moved_object
-from scenefw.perception.tracking.rigid_motion import matched, rigid_motion
+from scenefw_tracking.rigid_motion import matched, rigid_motion
 
 
 def thing(sides=(0.12, 0.08, 0.05), label=1):

@@ -20,11 +20,11 @@ from scenefw.perception.estimate.transforms import (
 from scenefw.perception.observation.image_turns import turned_camera, turned_pixels
 from scenefw.perception.observation.points import world_points
 from scenefw.perception.observation.surface_mesh import obstacles_of
-from scenefw.perception.tracking.changes import CHANGED, Change, is_seen_through
-from scenefw.perception.tracking.depth_memory import DepthMemory, depth_sigma
-from scenefw.perception.tracking.rigid_motion import matched
-from scenefw.perception.tracking.tracked_scene import TrackedScene, merged, with_tracks
-from scenefw.perception.tracking.tracks import Appearance, Track, masks_of
+from scenefw_tracking.changes import CHANGED, Change, is_seen_through
+from scenefw_tracking.depth_memory import DepthMemory, depth_sigma
+from scenefw_tracking.rigid_motion import matched
+from scenefw_tracking.tracked_scene import TrackedScene, merged, with_tracks
+from scenefw_tracking.tracks import Appearance, Track, masks_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

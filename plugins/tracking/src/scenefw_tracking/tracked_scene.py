@@ -11,8 +11,8 @@ from scenefw.core.errors import InputError
 from scenefw.core.geometry import inverse
 from scenefw.perception.estimate.base_frame import TRACKS
 from scenefw.perception.estimate.transforms import joined, without
-from scenefw.perception.tracking.changes import stands_still
-from scenefw.perception.tracking.tracks import State
+from scenefw_tracking.changes import stands_still
+from scenefw_tracking.tracks import State
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from scenefw.core.types import Float32, Float64, Frame, Int32, Obstacle, SceneEstimate
-    from scenefw.perception.tracking.depth_memory import DepthMemory
-    from scenefw.perception.tracking.tracks import Track
+    from scenefw_tracking.depth_memory import DepthMemory
+    from scenefw_tracking.tracks import Track
 
     Mask = NDArray[np.bool_]
 

@@ -3,40 +3,50 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scenefw.api.image import image_of
 from scenefw.api.prediction import Prediction
+from scenefw.api.settings import Settings
 from scenefw.data.files.camera_pose import camera_pose_of
 from scenefw.perception.estimate.base_frame import with_camera_in_base
+from scenefw_tracking.tracker import Tracker
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from scenefw.data.files.camera_pose import CameraPose
     from scenefw.data.files.intrinsics import Intrinsics
-    from scenefw.perception.tracking.tracker import Tracker
+    from scenefw.perception.observation.observation import Observation
+    from scenefw.perception.pipeline import ReconstructionPipeline
 
 
 class Tracking:
-    """What `Predictor.track` gives: objects keep their ids from image to image.
+    """What `Predictor.track` and `scenefw.load("tracking")` give: objects keep their ids.
 
     Args:
-        tracker: follows the objects.
+        pipeline: makes the scene of one image.
         computing: threads compute within what it returns.
     """
 
     def __init__(
         self,
-        tracker: Tracker,
+        pipeline: ReconstructionPipeline[Observation],
         computing: Callable[[], AbstractContextManager[None]] = nullcontext,
     ) -> None:
-        self.tracker = tracker
+        self.tracker = Tracker(pipeline)
         self._computing = computing
         self._count = 0
+
+    @classmethod
+    def built(cls, words: Sequence[str]) -> Tracking:
+        """The tracking of a predictor of `run=predict` with these overrides."""
+        settings = Settings(["run=predict", *words])
+        (pipeline,) = settings.build("run.pipeline")
+        return cls(pipeline, settings.computing)
 
     def predict(
         self,

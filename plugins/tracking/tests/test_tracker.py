@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.unit.perception.tracking.moving_boxes import CROWD, box, camera, image, pipeline
+from plugins.tracking.tests.moving_boxes import CROWD, box, camera, image, pipeline
 
 from scenefw.core.errors import InputError
 from scenefw.core.geometry import transform_points
 from scenefw.perception.estimate.base_frame import TRACKS
-from scenefw.perception.tracking.changes import CHANGED
-from scenefw.perception.tracking.tracker import Tracker
+from scenefw_tracking.changes import CHANGED
+from scenefw_tracking.tracker import Tracker
 
 HAND = box(-0.2, -0.04, (0.13, 0.14, 0.25))
 """Stands in front of the first box, of which nothing is visible."""

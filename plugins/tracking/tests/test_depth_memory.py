@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from plugins.tracking.tests.moving_boxes import CROWD, camera, image
 from tests.unit.perception.pipelines import pipeline_of
-from tests.unit.perception.tracking.moving_boxes import CROWD, camera, image
 
 from scenefw.core.types import GridSpec
 from scenefw.data.files.readers import read_frames
@@ -13,7 +13,7 @@ from scenefw.noise.frames import disturb
 from scenefw.noise.kinect import Kinect
 from scenefw.noise.stereo import Stereo
 from scenefw.noise.time_of_flight import TimeOfFlight
-from scenefw.perception.tracking.depth_memory import DepthMemory, depth_sigma
+from scenefw_tracking.depth_memory import DepthMemory, depth_sigma
 
 SIGMA = 0.002
 

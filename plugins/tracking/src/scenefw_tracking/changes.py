@@ -12,8 +12,8 @@ from scenefw.perception.evidence.mesh_distances import distances_to
 from scenefw.perception.observation.components import EDGE, NEIGHBOURS, depth_parts
 from scenefw.perception.observation.pixels import coarse_step
 from scenefw.perception.observation.points import MAJORITY, camera_points
-from scenefw.perception.tracking.depth_memory import smallest_change
-from scenefw.perception.tracking.tracks import masks_of
+from scenefw_tracking.depth_memory import smallest_change
+from scenefw_tracking.tracks import masks_of
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from scenefw.core.types import Camera, Float32, Float64, Frame, Int32, TriangleMesh
-    from scenefw.perception.tracking.depth_memory import DepthMemory
-    from scenefw.perception.tracking.tracks import Track
+    from scenefw_tracking.depth_memory import DepthMemory
+    from scenefw_tracking.tracks import Track
 
     Mask = NDArray[np.bool_]
 
