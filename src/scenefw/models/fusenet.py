@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -10,6 +9,7 @@ from torch.nn import functional
 
 from scenefw.core.errors import ConfigError
 from scenefw.models.receptive_field import receptive_field
+from scenefw.models.recipes import recipe_of
 
 MODALITIES = ("colour", "distance")
 
@@ -146,17 +146,7 @@ class FuseNet(nn.Module):
         self.modalities = tuple(name for name in MODALITIES if name in modalities)
         self.stride = block * 2 ** (len(widths) - 1)
         self.body = FuseNetBody(classes, widths, modules, dropout, block)
-        self.recipe: dict[str, Any] = {
-            "_target_": f"{type(self).__module__}.{type(self).__qualname__}",
-            "classes": classes,
-            "widths": list(widths),
-            "modules": list(modules),
-            "dropout": dropout,
-            "offset": offset,
-            "scale": scale,
-            "block": block,
-            "modalities": list(self.modalities),
-        }
+        self.recipe = recipe_of(self, {**locals(), "modalities": self.modalities})
 
     @cached_property
     def margin(self) -> int:

@@ -7,6 +7,7 @@ import torch
 from torch import Tensor, nn
 
 from scenefw.core.object_sets import ObjectSetBatch, ObjectSetPrediction
+from scenefw.models.recipes import recipe_of
 from scenefw.models.seen_volumes import CHANNELS, require_sees, require_volume, seen_volume
 from scenefw.models.set_decoder import SetDecoder
 from scenefw.models.set_encoder import SetEncoder, level_sizes
@@ -50,19 +51,7 @@ class SetAutoencoder(nn.Module):
         attention: bool = False,
     ) -> None:
         super().__init__()
-        self.recipe = {
-            "_target_": f"{__name__}.SetAutoencoder",
-            "resolution": resolution,
-            "slots": slots,
-            "sees": sees,
-            "code_size": code_size,
-            "side": side,
-            "encoder_widths": [int(width) for width in encoder_widths],
-            "decoder_widths": [int(width) for width in decoder_widths],
-            "existence": existence,
-            "centres": centres,
-            "attention": attention,
-        }
+        self.recipe = recipe_of(self, locals())
         require_sees(sees)
         require_slots(slots, side)
         sizes = level_sizes(resolution, side, encoder_widths, "encoder_widths")

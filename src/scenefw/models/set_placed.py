@@ -8,6 +8,7 @@ from torch import Tensor, nn
 
 from scenefw.core.object_sets import ObjectSetBatch, ObjectSetPrediction
 from scenefw.models.placed_head import PlacedHead
+from scenefw.models.recipes import recipe_of
 from scenefw.models.seen_volumes import CHANNELS, require_sees, require_volume, seen_volume
 from scenefw.models.set_encoder import SetEncoder, averaged, block_side, level_sizes
 from scenefw.models.set_head import require_slots
@@ -50,18 +51,7 @@ class PlacedSetAutoencoder(nn.Module):
         attention: bool = True,
     ) -> None:
         super().__init__()
-        self.recipe = {
-            "_target_": f"{__name__}.PlacedSetAutoencoder",
-            "resolution": resolution,
-            "slots": slots,
-            "sees": sees,
-            "code_size": code_size,
-            "side": side,
-            "encoder_widths": [int(width) for width in encoder_widths],
-            "decoder_widths": [int(width) for width in decoder_widths],
-            "seen_resolution": seen_resolution,
-            "attention": attention,
-        }
+        self.recipe = recipe_of(self, locals())
         require_sees(sees)
         require_slots(slots, side)
         self.block = block_side(resolution, seen_resolution)
