@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from scenefw.core import geometry
-from scenefw.core.errors import ConfigError
+from scenefw.core.settings import COUNT, NOT_NEGATIVE, SHARE
 from scenefw.core.types import Camera
 
 if TYPE_CHECKING:
@@ -26,8 +26,7 @@ class EveryNth:
     """
 
     def __init__(self, n: int = 1) -> None:
-        if n < 1:
-            raise ConfigError(f"key frames: n = {n}; expected 1 (all frames) or more")
+        COUNT.require(n=n)
         self.n = n
 
     def begin(self, state: State | None = None) -> RunningKeyFrames:
@@ -44,11 +43,7 @@ class ByMotion:
     """
 
     def __init__(self, distance: float = 0.03, angle: float = 0.15) -> None:
-        if not (distance >= 0 and angle >= 0):
-            raise ConfigError(
-                f"key frames: distance = {distance}, angle = {angle}; expected metres and radians, "
-                "0 or more"
-            )
+        NOT_NEGATIVE.require(distance=distance, angle=angle)
         self.distance = distance
         self.angle = angle
 
@@ -67,8 +62,7 @@ class ByOverlap:
     """
 
     def __init__(self, overlap: float = 0.8) -> None:
-        if not 0 <= overlap <= 1:
-            raise ConfigError(f"key frames: overlap = {overlap}; expected a share from 0 to 1")
+        SHARE.require(overlap=overlap)
         self.overlap = overlap
 
     def begin(self, state: State | None = None) -> RunningKeyFrames:

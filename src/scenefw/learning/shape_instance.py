@@ -15,6 +15,7 @@ from scenefw.core.batches import (
 )
 from scenefw.core.errors import ConfigError
 from scenefw.core.rng import torch_seed
+from scenefw.core.settings import SHARE
 from scenefw.core.training_protocols import (
     Loss,
     ShapeInstanceData,
@@ -75,10 +76,7 @@ class ShapeInstanceLearning(TrainingModule):
         compile: bool | str = False,  # noqa: A002 - as torch calls it
         optimizer: Optimizer | None = None,
     ) -> None:
-        if not 0 <= draw_from <= 1:
-            raise ConfigError(
-                f"learning.draw_from is {draw_from}, expected a share of the budget from 0 to 1"
-            )
+        SHARE.require(draw_from=draw_from)
         super().__init__(
             model, losses, learning_rate, weight_decay, schedule, average, seed, initial,
             reinitialise, channels_last=channels_last, compile=compile, optimizer=optimizer,

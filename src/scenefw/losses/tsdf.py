@@ -4,7 +4,7 @@ import torch
 from torch import Tensor
 
 from scenefw.core.batches import ShapeInstanceBatch, ShapeInstancePrediction, ShapeInstanceSetup
-from scenefw.core.errors import ConfigError
+from scenefw.core.settings import POSITIVE
 from scenefw.losses.targets import require_target
 
 
@@ -53,8 +53,7 @@ class TsdfLoss:
         *,
         one_sided: bool = True,
     ) -> None:
-        if floor <= 0:
-            raise ConfigError(f"loss.tsdf.floor is {floor}, expected a positive number")
+        POSITIVE.require(floor=floor)
         self.weight, self.floor, self.one_sided = weight, floor, one_sided
         self.target = target
 

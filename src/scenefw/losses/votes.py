@@ -3,7 +3,7 @@
 from torch import Tensor
 
 from scenefw.core.batches import ShapeInstanceBatch, ShapeInstancePrediction, ShapeInstanceSetup
-from scenefw.core.errors import ConfigError
+from scenefw.core.settings import POSITIVE, SHARE
 from scenefw.losses.targets import require_target
 
 
@@ -33,11 +33,8 @@ class VoteLoss:
         object_share: float | None = None,
         target: str = "votes",
     ) -> None:
-        if epsilon <= 0 or not (object_share is None or 0 <= object_share <= 1):
-            raise ConfigError(
-                f"loss.votes has epsilon = {epsilon}, object_share = {object_share}; expected a "
-                "positive number, and a share from 0 to 1 or null"
-            )
+        POSITIVE.require(epsilon=epsilon)
+        SHARE.require(object_share=object_share)
         self.weight, self.epsilon, self.object_share = weight, epsilon, object_share
         self.target = target
 

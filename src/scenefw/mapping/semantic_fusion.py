@@ -6,9 +6,9 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from scenefw.core.errors import ConfigError
 from scenefw.core.height_maps import HeightGrid, HeightMap
 from scenefw.core.labelling_protocols import State
+from scenefw.core.settings import NOT_NEGATIVE
 from scenefw.core.types import Frame
 from scenefw.kernels import label_fusion
 from scenefw.kernels.compile import float32
@@ -52,8 +52,7 @@ class SemanticFusion:
         a: float = 0.5,
         device: str = "cpu",
     ) -> None:
-        if not alpha >= 0:
-            raise ConfigError(f"semantic fusion has alpha = {alpha}, expected a decay >= 0")
+        NOT_NEGATIVE.require(alpha=alpha)
         require_settings(floor, angle_power)
         self.alpha, self.floor, self.angle_power = alpha, floor, angle_power
         self.a, self.device = a, device

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor, nn
 
-from scenefw.core.errors import ConfigError
 from scenefw.core.object_sets import ObjectSetBatch, ObjectSetPrediction
+from scenefw.core.settings import COUNT
 from scenefw.models.blocks import Conv3d, ConvUnit, ResidualBlock
 from scenefw.models.placed_head import PlacedHead
 from scenefw.models.recipes import recipe_of
@@ -62,8 +62,7 @@ class PlacedSetVAE(nn.Module):
         super().__init__()
         self.recipe = recipe_of(self, locals())
         require_slots(slots, side)
-        if latent_size < 1:
-            raise ConfigError(f"model.latent_size is {latent_size}; expected 1 channel or more")
+        COUNT.require(latent_size=latent_size)
         self.block = block_side(resolution, seen_resolution)
         sizes = level_sizes(resolution // self.block, side, encoder_widths, "encoder_widths")
         widths = list(encoder_widths)[: len(sizes)][::-1]

@@ -11,7 +11,7 @@ import torch
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.object_sets import ObjectSetPrediction
-from scenefw.core.settings import NOT_NEGATIVE, PART
+from scenefw.core.settings import NOT_NEGATIVE, PART, PROBABILITY
 from scenefw.perception.completion.suppression import chosen_objects
 
 if TYPE_CHECKING:
@@ -214,8 +214,7 @@ class Nothing:
     """
 
     def __init__(self, share: float = 0.002, slots: int = 8) -> None:
-        if not 0 < share < 1:
-            raise ConfigError(f"the share of occupied voxels is {share}; expected one in (0, 1)")
+        PROBABILITY.require(share=share)
         self.logit, self.slots = math.log(share / (1 - share)), slots
 
     @property
