@@ -11,6 +11,8 @@ from scenefw.core.settings import COUNT, NOT_NEGATIVE, SHARE
 from scenefw.core.types import Camera
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from scenefw.core.labelling_protocols import RunningKeyFrames, State
     from scenefw.core.types import Frame
 
@@ -49,7 +51,13 @@ class ByMotion:
 
     def begin(self, state: State | None = None) -> RunningKeyFrames:
         """Starts a sequence or resumes one."""
-        return _Moving(self, state)
+        return _SinceLast(self._is_new, state)
+
+    def _is_new(self, frame: Frame, last: Camera) -> bool:
+        step = geometry.inverse(last.T_world_camera) @ frame.camera.T_world_camera
+        distance = float(np.linalg.norm(step[:3, 3]))
+        angle = float(np.arccos(np.clip((np.trace(step[:3, :3]) - 1) / 2, -1, 1)))
+        return distance >= self.distance or angle >= self.angle
 
 
 class ByOverlap:
@@ -67,7 +75,10 @@ class ByOverlap:
 
     def begin(self, state: State | None = None) -> RunningKeyFrames:
         """Starts a sequence or resumes one."""
-        return _Overlapping(self.overlap, state)
+        return _SinceLast(self._is_new, state)
+
+    def _is_new(self, frame: Frame, last: Camera) -> bool:
+        return shared_view(frame, last) < self.overlap
 
 
 class _Counting:
@@ -83,46 +94,24 @@ class _Counting:
         return {"count": np.array(self.count)}
 
 
-class _Moving:
-    def __init__(self, limits: ByMotion, state: State | None) -> None:
-        self.limits = limits
+class _SinceLast:
+    """Takes frames that are new beside the last one taken, whose camera is its state."""
+
+    def __init__(self, is_new: Callable[[Frame, Camera], bool], state: State | None) -> None:
+        self.is_new = is_new
         self.last = _camera(state)
 
     def takes(self, frame: Frame) -> bool:
-        if self.last is not None:
-            step = geometry.inverse(self.last.T_world_camera) @ frame.camera.T_world_camera
-            distance = float(np.linalg.norm(step[:3, 3]))
-            angle = float(np.arccos(np.clip((np.trace(step[:3, :3]) - 1) / 2, -1, 1)))
-            if distance < self.limits.distance and angle < self.limits.angle:
-                return False
-        self.last = frame.camera
-        return True
-
-    def state(self) -> State:
-        return _state(self.last)
-
-
-class _Overlapping:
-    def __init__(self, overlap: float, state: State | None) -> None:
-        self.overlap = overlap
-        self.last = _camera(state)
-
-    def takes(self, frame: Frame) -> bool:
-        if self.last is not None and shared_view(frame, self.last) >= self.overlap:
+        if self.last is not None and not self.is_new(frame, self.last):
             return False
         self.last = frame.camera
         return True
 
     def state(self) -> State:
-        return _state(self.last)
-
-
-def _state(camera: Camera | None) -> State:
-    """The camera of the last key frame, in arrays."""
-    if camera is None:
-        return {}
-    lens = [getattr(camera, name) for name in _LENS]
-    return {"lens": np.array(lens), "pose": np.asarray(camera.T_world_camera)}
+        if self.last is None:
+            return {}
+        lens = [getattr(self.last, name) for name in _LENS]
+        return {"lens": np.array(lens), "pose": np.asarray(self.last.T_world_camera)}
 
 
 def _camera(state: State | None) -> Camera | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -142,10 +143,9 @@ class PartViews(SceneBatches):
         ]
         intrinsics, poses, factors, seeds, motions = to_device(arrays, scenes.positions.device)
         cameras = CameraBatch(*self.image_size, intrinsics, poses)
-        scenes = SceneParameters(
-            scenes.half_axes * factors, scenes.exponents, scenes.rotations,
-            scenes.positions * factors, scenes.present,
-        )  # fmt: skip
+        scenes = replace(
+            scenes, half_axes=scenes.half_axes * factors, positions=scenes.positions * factors
+        )
         traced = chances[:, 1] < self.traced
         changed = ~traced & (chances[:, 2] < self.compound)
         depth, owners = self._exact(scenes, cameras, changed, to_change)
@@ -171,9 +171,7 @@ class PartViews(SceneBatches):
         if not len(rows):
             return exact, owners
         subset = SceneParameters(*(getattr(scenes, name)[rows] for name in vars(scenes)))
-        rendering = self._trace(subset, CameraBatch(cameras.width, cameras.height,
-                                                    cameras.intrinsics[rows],
-                                                    cameras.T_world_camera[rows]))  # fmt: skip
+        rendering = self._trace(subset, cameras.of(rows))
         same_surface = (rendering[0] - exact[rows]).abs() < _SAME
         whose = torch.where(same_surface, owners[rows], rendering[1])
         return exact.index_copy(0, rows, rendering[0]), owners.index_copy(0, rows, whose)
