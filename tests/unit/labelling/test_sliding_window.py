@@ -151,7 +151,7 @@ def test_free_memory_of_a_gpu():
 
 
 def test_wrong_settings_are_refused():
-    with pytest.raises(ConfigError, match="sliding window"):
+    with pytest.raises(ConfigError, match="memory = 0"):
         SlidingWindow(memory=0)
-    with pytest.raises(ConfigError, match="sliding window"):
+    with pytest.raises(ConfigError, match="window = 0"):
         SlidingWindow(window=0)
