@@ -1,5 +1,7 @@
 """Signed-distance loss with more weight near the surface."""
 
+from dataclasses import KW_ONLY, dataclass
+
 import torch
 from torch import Tensor
 
@@ -27,6 +29,7 @@ def weighted_distance_error(
     return (weight * (predicted - truth).abs()).mean()
 
 
+@dataclass(eq=False)
 class TsdfLoss:
     """Error of the complete TSDF, weighted by 1 / (|v| + eps) (thesis eq. 5.13).
 
@@ -45,17 +48,14 @@ class TsdfLoss:
 
     needs_draws = False
 
-    def __init__(
-        self,
-        weight: float = 1.0,
-        floor: float = 0.1,
-        target: str = "tsdf",
-        *,
-        one_sided: bool = True,
-    ) -> None:
-        POSITIVE.require(floor=floor)
-        self.weight, self.floor, self.one_sided = weight, floor, one_sided
-        self.target = target
+    weight: float = 1.0
+    floor: float = 0.1
+    target: str = "tsdf"
+    _: KW_ONLY
+    one_sided: bool = True
+
+    def __post_init__(self) -> None:
+        POSITIVE.require(floor=self.floor)
 
     def check(self, setup: ShapeInstanceSetup) -> None:
         """Raises a ConfigError if the training has no such volume."""

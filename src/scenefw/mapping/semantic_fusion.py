@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -20,6 +22,7 @@ from scenefw.mapping.label_state import (
 from scenefw.mapping.pyramid import Pyramid
 
 
+@dataclass(eq=False)
 class SemanticFusion:
     """Bayesian fusion of per-pixel distributions into the triangles they fall in (eqs 4.4-4.10).
 
@@ -44,18 +47,15 @@ class SemanticFusion:
 
     reads_map = False
 
-    def __init__(
-        self,
-        alpha: float = 1.0,
-        floor: float = 1e-3,
-        angle_power: float = 0.0,
-        a: float = 0.5,
-        device: str = "cpu",
-    ) -> None:
-        NOT_NEGATIVE.require(alpha=alpha)
-        require_settings(floor, angle_power)
-        self.alpha, self.floor, self.angle_power = alpha, floor, angle_power
-        self.a, self.device = a, device
+    alpha: float = 1.0
+    floor: float = 1e-3
+    angle_power: float = 0.0
+    a: float = 0.5
+    device: str = "cpu"
+
+    def __post_init__(self) -> None:
+        NOT_NEGATIVE.require(alpha=self.alpha)
+        require_settings(self.floor, self.angle_power)
 
     def begin(
         self,
