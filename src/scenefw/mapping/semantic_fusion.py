@@ -14,11 +14,7 @@ from scenefw.core.settings import NOT_NEGATIVE
 from scenefw.core.types import Frame
 from scenefw.kernels import label_fusion
 from scenefw.kernels.compile import float32
-from scenefw.mapping.label_state import (
-    require_labels,
-    require_settings,
-    start_logits,
-)
+from scenefw.mapping.label_state import require_labels, require_settings, start_logits
 from scenefw.mapping.pyramid import Pyramid
 
 

@@ -8,12 +8,7 @@ from scenefw.contracts import problems
 from scenefw.core.errors import ConfigError
 from scenefw.core.training_protocols import SegmentationModel
 from scenefw.labelling import sliding_window
-from scenefw.labelling.sliding_window import (
-    SlidingWindow,
-    bytes_per_pixel,
-    free_megabytes,
-    windows,
-)
+from scenefw.labelling.sliding_window import SlidingWindow, bytes_per_pixel, free_megabytes, windows
 from scenefw.models.fusenet import FuseNet
 
 
