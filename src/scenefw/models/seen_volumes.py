@@ -16,7 +16,7 @@ class VolumeDecomposer(nn.Module, ABC):
     """A network from the one volume that it sees to a set of objects; nothing is drawn.
 
     Args:
-        sees: a key of `CHANNELS`.
+        sees: occupancy, the complete scene; or view, the partial TSDF of one depth image.
         resolution: voxels per side.
 
     Raises:

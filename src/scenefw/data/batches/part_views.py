@@ -45,18 +45,13 @@ class PartViews(SceneBatches):
     their TSDF, as images of evaluations are, and have its rounded edges. In part of the exact ones
     objects are cups, or have a second piece, and in part the floor is a table that ends. The pose
     that goes with an image is a little off, as one found by RANSAC is. Camera, size, changes and
-    noise of scene i in epoch e depend on (seed, e, i) alone.
+    noise of scene i in epoch e depend on (seed, e, i) alone. Further arguments are those of
+    `SceneBatches`.
 
     Args:
         viewpoints: draws cameras.
         renderer: makes images of TSDFs.
         grid: of these TSDFs.
-        path: the `.npz` of a data set, the name of a shipped one, or several.
-        limit: at most this many training scenes; None means all.
-        validation_limit: at most this many validation scenes; None means all.
-        batch_size: scenes per step.
-        seed: seed of the order of scenes, and of views.
-        distinct_batches: train on this many batches again and again, views and all; None means all.
         image_size: width and height (pixels).
         noise: disturbs the images, applied in the order of the names.
         traced: share of the images that are traced through TSDFs.
