@@ -138,13 +138,10 @@ class Components:
         extractor: of instances of a shape without votes.
     """
 
+    grid = None  # it takes any
+
     def __init__(self, extractor: InstanceExtractor) -> None:
         self.extractor = extractor
-
-    @property
-    def grid(self) -> None:
-        """It takes any."""
-        return None
 
     def decompose(self, scene: SeenSet) -> FoundSet:
         """The parts of one scene."""
@@ -188,13 +185,10 @@ class DecomposedVolume:
         method: takes it apart.
     """
 
+    grid = None  # it takes any
+
     def __init__(self, method: CompleteScene) -> None:
         self.method = method
-
-    @property
-    def grid(self) -> None:
-        """It takes any."""
-        return None
 
     def decompose(self, scene: SeenSet) -> FoundSet:
         """The objects of one scene."""
@@ -213,14 +207,11 @@ class Nothing:
         ConfigError: the share is not within (0, 1).
     """
 
+    grid = None  # it takes any
+
     def __init__(self, share: float = 0.002, slots: int = 8) -> None:
         PROBABILITY.require(share=share)
         self.logit, self.slots = math.log(share / (1 - share)), slots
-
-    @property
-    def grid(self) -> None:
-        """It takes any."""
-        return None
 
     def decompose(self, scene: SeenSet) -> FoundSet:
         """An empty set."""
