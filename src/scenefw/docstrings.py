@@ -39,10 +39,11 @@ def arguments(target: str, roots: Iterable[Path]) -> dict[str, Argument]:
         if isinstance(node, ast.ClassDef | ast.FunctionDef) and node.name == name:
             about = described(ast.get_docstring(node) or "")
             defaults = dict(_defaults(node))
-            is_class = isinstance(node, ast.ClassDef)
-            base = _inherited(node, body, module, roots) if is_class else {}
-            if not defaults and is_class:
-                return base
+            base = {}
+            if isinstance(node, ast.ClassDef):
+                base = _inherited(node, body, module, roots)
+                if not defaults:
+                    return base
             names = {**dict.fromkeys(defaults), **dict.fromkeys(about)}
             of_base = {name: argument.about for name, argument in base.items()}
             return {n: Argument(defaults.get(n), about.get(n, of_base.get(n, ""))) for n in names}
