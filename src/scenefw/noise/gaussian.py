@@ -37,11 +37,6 @@ class Gaussian:
         """Noisy copy of z-depth (B, H, W) in metres; 0 and what is not finite become 0.
 
         The rest stays positive.
-
-        Args:
-            depth: (B, H, W) metres.
-            cameras: unused; white noise looks alike through every lens.
-            seeds: (B,) int64, 0 or more: one per image, on the same device.
         """
         depth = finite(depth.float(), 0.0).contiguous()
         noisy = torch.empty_like(depth)

@@ -65,13 +65,7 @@ class Kinect:
         self.dropout, self.nearest, self.farthest, self.share = dropout, nearest, farthest, share
 
     def apply(self, depth: Tensor, cameras: CameraBatch, seeds: Tensor) -> Tensor:
-        """Noisy copy of z-depth (B, H, W) in metres; 0 stays 0, as long as nothing shifts onto it.
-
-        Args:
-            depth: (B, H, W) metres.
-            cameras: one per image; focal length and baseline make the disparity.
-            seeds: (B,) int64, 0 or more: one per image, on the same device.
-        """
+        """Noisy copy of z-depth (B, H, W) in metres; 0 stays 0 unless something shifts onto it."""
         depth = finite(depth.float(), 0.0).contiguous()
         lit, noisy = torch.empty_like(depth), torch.empty_like(depth)
         size = (cameras.width, cameras.height)

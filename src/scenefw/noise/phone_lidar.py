@@ -52,13 +52,7 @@ class PhoneLidar:
         SHARE.require(share=self.share)
 
     def apply(self, depth: Tensor, cameras: CameraBatch, seeds: Tensor) -> Tensor:
-        """Smooth copy of z-depth (B, H, W) in metres; 0 stays 0, the rest is positive or lost.
-
-        Args:
-            depth: (B, H, W) metres.
-            cameras: unused.
-            seeds: (B,) int64, 0 or more: one per image, on the same device.
-        """
+        """Smooth copy of z-depth (B, H, W) in metres; 0 stays 0, the rest is positive or lost."""
         del cameras
         depth = finite(depth.float(), 0.0).clamp_min(0.0).contiguous()
         depth_in_reach = torch.where(depth <= self.farthest, depth, 0.0)

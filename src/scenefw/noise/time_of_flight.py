@@ -63,13 +63,7 @@ class TimeOfFlight:
         SHARE.require(flying=self.flying, lost=self.lost, share=self.share)
 
     def apply(self, depth: Tensor, cameras: CameraBatch, seeds: Tensor) -> Tensor:
-        """Noisy copy of z-depth (B, H, W) in metres; 0 stays 0, the rest is positive or lost.
-
-        Args:
-            depth: (B, H, W) metres.
-            cameras: unused; light takes as long through every lens.
-            seeds: (B,) int64, 0 or more: one per image, on the same device.
-        """
+        """Noisy copy of z-depth (B, H, W) in metres; 0 stays 0, the rest is positive or lost."""
         del cameras
         depth = finite(depth.float(), 0.0).clamp_min(0.0).contiguous()
         depth_in_reach = torch.where(depth <= self.farthest, depth, 0.0)
