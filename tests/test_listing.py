@@ -32,6 +32,16 @@ class Derived(Plain):
     first: int
 
 
+class Further(Plain):
+    """Takes more.
+
+    Args:
+        second: its own words.
+    """
+
+    def __init__(self, first, second=1.0, more=None): ...
+
+
 def function(one, two=None):
     """One line."""
 '''
@@ -51,6 +61,10 @@ def test_arguments_are_read_from_source(package):
     assert found["third"] == docstrings.Argument("('a', 1)", "")
     assert list(found) == ["first", "second", "third"]
     assert docstrings.arguments("some.module.Derived", [package]) == found
+    further = docstrings.arguments("some.module.Further", [package])
+    assert further["first"] == found["first"]
+    assert further["second"] == docstrings.Argument("1.0", "its own words.")
+    assert list(further) == ["first", "second", "more"]
     assert docstrings.arguments("some.module.function", [package])["two"].default == "None"
     assert docstrings.arguments("some.other.Plain", [package]) == {}
 

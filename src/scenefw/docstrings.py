@@ -22,6 +22,8 @@ class Argument:
 def arguments(target: str, roots: Iterable[Path]) -> dict[str, Argument]:
     """Arguments by name of a dotted class or function; none if its source is not found.
 
+    What a class doesn't say of an argument, the class that it extends may.
+
     Args:
         target: such as `scenefw.losses.tsdf.TsdfLoss`.
         roots: folders that packages lie in.
@@ -37,10 +39,14 @@ def arguments(target: str, roots: Iterable[Path]) -> dict[str, Argument]:
         if isinstance(node, ast.ClassDef | ast.FunctionDef) and node.name == name:
             about = described(ast.get_docstring(node) or "")
             defaults = dict(_defaults(node))
-            if not defaults and isinstance(node, ast.ClassDef):
-                return _inherited(node, body, module, roots)
+            base = {}
+            if isinstance(node, ast.ClassDef):
+                base = _inherited(node, body, module, roots)
+                if not defaults:
+                    return base
             names = {**dict.fromkeys(defaults), **dict.fromkeys(about)}
-            return {n: Argument(defaults.get(n), about.get(n, "")) for n in names}
+            of_base = {name: argument.about for name, argument in base.items()}
+            return {n: Argument(defaults.get(n), about.get(n, of_base.get(n, ""))) for n in names}
     return {}
 
 

@@ -73,7 +73,7 @@ def test_without_viser_the_install_line_is_said(tmp_path, pipeline, monkeypatch)
 
 @pytest.mark.parametrize("wrong", [{"input": None}, {"seconds": 0}, {"depth_scale": -1}])
 def test_wrong_settings_are_one_line(tmp_path, pipeline, wrong):
-    with pytest.raises(ConfigError, match=r"input=PATH|run\.(seconds|depth_scale) = "):
+    with pytest.raises(ConfigError, match=r"input=PATH|(run\.seconds|depth_scale) = "):
         View(**{"input": tmp_path, "pipeline": pipeline, **wrong})
 
 

@@ -15,9 +15,9 @@ from scenefw.core.ports import require_free
 from scenefw.core.types import GridSpec
 from scenefw.export.scene_files import GLB, PLY, Summary
 from scenefw.perception.estimate.transforms import moved, without
-from scenefw.report.layers import Prediction
 from scenefw_simulators.mjcf import MJCF
 from scenefw_simulators.urdf import URDF
+from scenefw_viewer.layers import Prediction
 from scenefw_viewer.server import open_server
 from scenefw_viewer.viewer import Viewer
 

@@ -15,7 +15,7 @@ from tests.unit.tasks.recordings import table
 from scenefw.core.types import GridSpec
 from scenefw.export.scene_files import GLB
 from scenefw.perception.estimate.transforms import without
-from scenefw.report.layers import Prediction
+from scenefw_viewer.layers import Prediction
 from scenefw_viewer.map_viewer import MapViewer
 from scenefw_viewer.server import open_server
 from scenefw_viewer.viewer import Viewer

@@ -6,13 +6,14 @@ side than each of them divided among threads.
 
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing, contextmanager
+from contextlib import closing
 from typing import TypeVar
 
 import numba
 import torch
 
 from scenefw.core.protocols import Track
+from scenefw.parallel.threads import compute_with, threads
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -45,7 +46,7 @@ def side_by_side(
     count = min(torch.get_num_threads(), _MOST) if workers is None else workers
     if count < 2:
         return collected(map(work, items), items, track, title, on_result)
-    with _one_thread_each(), closing(_results(work, items, count)) as results:
+    with threads(1), closing(_results(work, items, count)) as results:
         return collected(results, items, track, title, on_result)
 
 
@@ -67,7 +68,7 @@ def collected(
 
 def run_single_threaded(work: Callable[[Item], Result], item: Item) -> Result:
     """The result of an item with one thread, for processes that are as many as the cores."""
-    with _one_thread_each():
+    with threads(1):
         return work(item)
 
 
@@ -78,7 +79,7 @@ def _results(
     if not _may_share():
         yield from map(work, items[1:])
         return
-    with ThreadPoolExecutor(workers, initializer=_compute_alone) as pool:
+    with ThreadPoolExecutor(workers, initializer=compute_with, initargs=(1,)) as pool:
         yield from pool.map(work, items[1:])
 
 
@@ -88,20 +89,3 @@ def _may_share() -> bool:
         return numba.threading_layer() in _SHARED
     except ValueError:  # no loop has run
         return False
-
-
-@contextmanager
-def _one_thread_each() -> Iterator[None]:
-    before = torch.get_num_threads(), numba.get_num_threads()
-    _compute_alone()
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before[0])
-        numba.set_num_threads(before[1])
-
-
-def _compute_alone() -> None:
-    """One thread of both, which count by the thread that asks; numba first, as it may set both."""
-    numba.set_num_threads(1)
-    torch.set_num_threads(1)

@@ -26,7 +26,9 @@ def threads(count: int | None, *, yields: bool) -> Iterator[None]:
             count = max(int(limit.cores), 1)
     with ExitStack() as stack:
         if count is not None:
-            stack.enter_context(_exactly(count))
+            from scenefw.parallel import threads as pools
+
+            stack.enter_context(pools.threads(count))
         stack.enter_context(yielding(torch.get_num_threads, enabled=yields))
         yield
 
@@ -41,18 +43,3 @@ def require_threads(count: Any) -> None:
         raise ConfigError(
             f"threads is {count}; expected a whole number of 1 or more, or null for one per core"
         )
-
-
-@contextmanager
-def _exactly(count: int) -> Iterator[None]:
-    import numba
-    import torch
-
-    before = torch.get_num_threads(), numba.get_num_threads()
-    torch.set_num_threads(count)
-    numba.set_num_threads(min(count, numba.config.NUMBA_NUM_THREADS))
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before[0])
-        numba.set_num_threads(before[1])

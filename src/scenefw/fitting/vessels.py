@@ -45,6 +45,7 @@ class FittedVessel:
     inside: NDArray[np.bool_]
 
 
+@dataclass(eq=False)
 class VesselFit:
     """Fits upright vessels by robust least squares, from the circle of the rim.
 
@@ -63,19 +64,16 @@ class VesselFit:
         ConfigError: a number isn't positive.
     """
 
-    def __init__(
-        self,
-        sigma: float = 0.003,
-        wall: float = 0.004,
-        wall_sigma: float = 0.0005,
-        stands: float = 0.04,
-        steps: int = 30,
-    ) -> None:
-        POSITIVE.require(sigma=sigma, wall_sigma=wall_sigma, stands=stands)
-        COUNT.require(steps=steps)
-        between(*_WALL_RANGE).require(wall=wall)
-        self.sigma, self.wall, self.wall_sigma = sigma, wall, wall_sigma
-        self.stands, self.steps = stands, steps
+    sigma: float = 0.003
+    wall: float = 0.004
+    wall_sigma: float = 0.0005
+    stands: float = 0.04
+    steps: int = 30
+
+    def __post_init__(self) -> None:
+        POSITIVE.require(sigma=self.sigma, wall_sigma=self.wall_sigma, stands=self.stands)
+        COUNT.require(steps=self.steps)
+        between(*_WALL_RANGE).require(wall=self.wall)
 
     def fit(self, points: Float64, eye: Float64) -> FittedVessel:
         """The best vessel.

@@ -9,6 +9,7 @@ import numpy as np
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.labels import FROM_BOTH, FROM_MAP, FROM_VIEWS, known_mask, labelled
+from scenefw.core.settings import COUNT
 from scenefw.labelling.key_frames import EveryNth
 from scenefw.labelling.pooling import Pool, disagreement
 from scenefw.labelling.reconstruction import Reconstruction
@@ -73,8 +74,7 @@ class Hybrid:
                 f"the labels have only one class, {classes[0]}; give classes of the surface and "
                 "of objects"
             )
-        if self.every is not None and self.every < 1:
-            raise ConfigError(f"every = {self.every}; expected a number of frames, or null")
+        COUNT.require(every=self.every)
         object.__setattr__(self, "refresh", self.views.refresh)
 
     @property

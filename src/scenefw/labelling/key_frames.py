@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from scenefw.core import geometry
-from scenefw.core.errors import ConfigError
+from scenefw.core.settings import COUNT, NOT_NEGATIVE, SHARE
 from scenefw.core.types import Camera
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from scenefw.core.labelling_protocols import RunningKeyFrames, State
     from scenefw.core.types import Frame
 
@@ -26,8 +28,7 @@ class EveryNth:
     """
 
     def __init__(self, n: int = 1) -> None:
-        if n < 1:
-            raise ConfigError(f"key frames: n = {n}; expected 1 (all frames) or more")
+        COUNT.require(n=n)
         self.n = n
 
     def begin(self, state: State | None = None) -> RunningKeyFrames:
@@ -44,17 +45,19 @@ class ByMotion:
     """
 
     def __init__(self, distance: float = 0.03, angle: float = 0.15) -> None:
-        if not (distance >= 0 and angle >= 0):
-            raise ConfigError(
-                f"key frames: distance = {distance}, angle = {angle}; expected metres and radians, "
-                "0 or more"
-            )
+        NOT_NEGATIVE.require(distance=distance, angle=angle)
         self.distance = distance
         self.angle = angle
 
     def begin(self, state: State | None = None) -> RunningKeyFrames:
         """Starts a sequence or resumes one."""
-        return _Moving(self, state)
+        return _SinceLast(self._is_new, state)
+
+    def _is_new(self, frame: Frame, last: Camera) -> bool:
+        step = geometry.inverse(last.T_world_camera) @ frame.camera.T_world_camera
+        distance = float(np.linalg.norm(step[:3, 3]))
+        angle = float(np.arccos(np.clip((np.trace(step[:3, :3]) - 1) / 2, -1, 1)))
+        return distance >= self.distance or angle >= self.angle
 
 
 class ByOverlap:
@@ -67,13 +70,15 @@ class ByOverlap:
     """
 
     def __init__(self, overlap: float = 0.8) -> None:
-        if not 0 <= overlap <= 1:
-            raise ConfigError(f"key frames: overlap = {overlap}; expected a share from 0 to 1")
+        SHARE.require(overlap=overlap)
         self.overlap = overlap
 
     def begin(self, state: State | None = None) -> RunningKeyFrames:
         """Starts a sequence or resumes one."""
-        return _Overlapping(self.overlap, state)
+        return _SinceLast(self._is_new, state)
+
+    def _is_new(self, frame: Frame, last: Camera) -> bool:
+        return shared_view(frame, last) < self.overlap
 
 
 class _Counting:
@@ -89,46 +94,24 @@ class _Counting:
         return {"count": np.array(self.count)}
 
 
-class _Moving:
-    def __init__(self, limits: ByMotion, state: State | None) -> None:
-        self.limits = limits
+class _SinceLast:
+    """Takes frames that are new beside the last one taken, whose camera is its state."""
+
+    def __init__(self, is_new: Callable[[Frame, Camera], bool], state: State | None) -> None:
+        self.is_new = is_new
         self.last = _camera(state)
 
     def takes(self, frame: Frame) -> bool:
-        if self.last is not None:
-            step = geometry.inverse(self.last.T_world_camera) @ frame.camera.T_world_camera
-            distance = float(np.linalg.norm(step[:3, 3]))
-            angle = float(np.arccos(np.clip((np.trace(step[:3, :3]) - 1) / 2, -1, 1)))
-            if distance < self.limits.distance and angle < self.limits.angle:
-                return False
-        self.last = frame.camera
-        return True
-
-    def state(self) -> State:
-        return _state(self.last)
-
-
-class _Overlapping:
-    def __init__(self, overlap: float, state: State | None) -> None:
-        self.overlap = overlap
-        self.last = _camera(state)
-
-    def takes(self, frame: Frame) -> bool:
-        if self.last is not None and shared_view(frame, self.last) >= self.overlap:
+        if self.last is not None and not self.is_new(frame, self.last):
             return False
         self.last = frame.camera
         return True
 
     def state(self) -> State:
-        return _state(self.last)
-
-
-def _state(camera: Camera | None) -> State:
-    """The camera of the last key frame, in arrays."""
-    if camera is None:
-        return {}
-    lens = [getattr(camera, name) for name in _LENS]
-    return {"lens": np.array(lens), "pose": np.asarray(camera.T_world_camera)}
+        if self.last is None:
+            return {}
+        lens = [getattr(self.last, name) for name in _LENS]
+        return {"lens": np.array(lens), "pose": np.asarray(self.last.T_world_camera)}
 
 
 def _camera(state: State | None) -> Camera | None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from scenefw.core.errors import ConfigError
 from scenefw.core.labels import FROM_MAP, labelled, unlabelled
+from scenefw.core.settings import COUNT, SHARE
 from scenefw.labelling.running import HEIGHTS, MAP_LABELS, MapLabels, require_classes, state_of
 
 if TYPE_CHECKING:
@@ -34,10 +34,8 @@ class MapBased:
     coverage: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.every is not None and self.every < 1:
-            raise ConfigError(f"every = {self.every}; expected a number of frames, or null")
-        if not 0 <= self.coverage <= 1:
-            raise ConfigError(f"coverage = {self.coverage}; expected a share from 0 to 1")
+        COUNT.require(every=self.every)
+        SHARE.require(coverage=self.coverage)
 
     @property
     def classes(self) -> tuple[str, ...]:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
-from scenefw.core.errors import ConfigError
 from scenefw.core.memory import available_memory
+from scenefw.core.settings import COUNT, POSITIVE
 
 LEAST, MOST, UNKNOWN = 128, 4096, 512
 """Megabytes taken at least and at most, and where nothing says what is free."""
@@ -43,11 +43,8 @@ class SlidingWindow:
     """
 
     def __init__(self, memory: float | None = None, window: int | None = None) -> None:
-        if (memory is not None and not memory > 0) or (window is not None and window < 1):
-            raise ConfigError(
-                f"the sliding window has memory = {memory} and window = {window}; expected "
-                "megabytes and pixels above 0"
-            )
+        POSITIVE.require(memory=memory)
+        COUNT.require(window=window)
         self.memory, self.window = memory, window
 
     @torch.inference_mode()

@@ -15,6 +15,7 @@ from scenefw.core.errors import CheckpointError, ConfigError, InputError
 from scenefw.core.files import unreadable
 from scenefw.core.height_maps import HeightMap
 from scenefw.core.rng import generator, number_of
+from scenefw.core.settings import SHARE
 from scenefw.core.training_protocols import SegmentationModel, Trained
 from scenefw.core.types import Frame
 from scenefw.data.files.pictures import DAMAGED_PICTURE
@@ -130,8 +131,7 @@ class TrueLabels:
         confidence: float,
         seed: int = 0,
     ) -> None:
-        if not 0 <= error_rate <= 1:
-            raise ConfigError(f"true labels have error_rate = {error_rate}; expected 0 to 1")
+        SHARE.require(error_rate=error_rate)
         _require_confidence(confidence, classes)
         self.classes = tuple(classes)
         self.error_rate, self.confidence, self.seed = error_rate, confidence, seed

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import cast
 
 from torch import Tensor, nn
 
@@ -26,7 +27,8 @@ def start_from(
         CheckpointError: the file is unusable, for another task, or of other layers.
         ConfigError: the network has no module of a name in `reinitialise`.
     """
-    model_weights = _weights(model)
+    module = cast("nn.Module", model)  # which a protocol can't say
+    model_weights = module.state_dict()
     fresh = [*model.training_only, *_checked_modules(reinitialise, model_weights)]
     stored = load_checkpoint(path, task=task).model.state_dict()
     weights = {n: value for n, value in stored.items() if not _within(n, reinitialise)}
@@ -41,15 +43,7 @@ def start_from(
             f"{len(missing_names + mismatched_names) - 1} more differ); give the same model and "
             "grid settings"
         )
-    _load(model, {**model_weights, **weights})
-
-
-def _weights(model: nn.Module) -> dict[str, Tensor]:
-    return model.state_dict()
-
-
-def _load(model: nn.Module, weights: Mapping[str, Tensor]) -> None:
-    model.load_state_dict(weights)
+    module.load_state_dict({**model_weights, **weights})
 
 
 def _checked_modules(reinitialise: Sequence[str], model_weights: Mapping[str, Tensor]) -> list[str]:

@@ -25,21 +25,15 @@ class TrainingModule(ResumableModule, ABC):
     """A training that resumes after a kill as if never stopped; subclasses say what is predicted.
 
     A step takes the next batch from the data module, predicts, and sums the losses times their
-    weights. It depends on the weights, on `batches_seen` and on seeds alone.
+    weights. It depends on the weights, on `batches_seen` and on seeds alone. Further arguments are
+    those of `ResumableModule`.
 
     Args:
-        model: the network.
         losses: terms by name.
-        learning_rate: of the optimiser at factor 1.
-        weight_decay: of the optimiser; 0 makes AdamW Adam.
-        schedule: factor of the learning rate; None means 0.99 every 5 epochs.
-        average: decay of the moving average of weights that is validated and exported; 0: none.
         seed: of codes and dropout.
         initial: weights to start from; None: random ones.
         reinitialise: modules of the network that start from random weights even so.
         channels_last: keep weights of convolutions channels last in memory, which is fast.
-        compile: let torch.compile make network and losses faster; a text names a backend.
-        optimizer: how gradients change weights; None means AdamW.
 
     Raises:
         ConfigError: no loss, or no such module to reinitialise.

@@ -6,7 +6,7 @@ from typing import Protocol
 import torch
 from torch import nn
 
-from scenefw.core.errors import ConfigError
+from scenefw.core.settings import POSITIVE, below
 from scenefw.learning.muon import MuonAndAdamW
 
 RATE = "rate"
@@ -63,11 +63,8 @@ class Muon:
     momentum: float = 0.95
 
     def __post_init__(self) -> None:
-        if not self.rate > 0 or not 0 <= self.momentum < 1:
-            raise ConfigError(
-                f"optimizer.rate is {self.rate} and optimizer.momentum {self.momentum}; expected a "
-                "positive rate, such as 20, and a momentum from 0 to below 1, such as 0.95"
-            )
+        POSITIVE.require(rate=self.rate)
+        below(1).require(momentum=self.momentum)
 
     def make(
         self, model: nn.Module, learning_rate: float, weight_decay: float, *, fused: bool

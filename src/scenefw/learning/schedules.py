@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
 from scenefw.core.errors import ConfigError, SettingError
+from scenefw.core.settings import COUNT, PART
 
 
 @dataclass(frozen=True)
@@ -57,11 +58,8 @@ class StepDecay:
     """
 
     def __init__(self, decay: float = 0.99, every: int = 5, warmup: int = 0) -> None:
-        if not 0 < decay <= 1 or every < 1:
-            raise ConfigError(
-                f"a schedule of steps has decay = {decay}, every = {every}; expected a factor up "
-                "to 1 and epochs"
-            )
+        PART.require(decay=decay)
+        COUNT.require(every=every)
         self.decay, self.every, self.warmup = decay, every, warmup
 
     def factor(self, progress: Progress) -> float:
@@ -83,11 +81,8 @@ class ExponentialDecay:
     """
 
     def __init__(self, decay: float = 0.96, every: int = 100_000, warmup: int = 0) -> None:
-        if not 0 < decay <= 1 or every < 1:
-            raise ConfigError(
-                f"an exponential schedule has decay = {decay}, every = {every}; expected a factor "
-                "up to 1 and steps"
-            )
+        PART.require(decay=decay)
+        COUNT.require(every=every)
         self.decay, self.every, self.warmup = decay, every, warmup
 
     def factor(self, progress: Progress) -> float:

@@ -27,20 +27,13 @@ _DROPOUT = 8  # random stream
 class SegmentationLearning(TrainingModule):
     """Trains a network from colour and distance to a label per pixel (group `learning`).
 
+    Further arguments are those of any training.
+
     Args:
         model: the network, with as many `classes` as the data.
-        losses: terms by name.
-        learning_rate: of the optimiser at factor 1.
-        weight_decay: of the optimiser; 0 makes AdamW Adam.
         schedule: factor of the learning rate; None means x0.96 every 1e5 steps (thesis 4.7.1).
-        average: decay of the moving average of weights that is validated and exported; 0: none.
-        seed: seed of dropout.
-        initial: weights to start from; None: random ones.
         reinitialise: modules of the network, such as body.decoder.3, that start from random weights
             even so, also where the checkpoint has none: the levels by which a network is deeper.
-        channels_last: keep weights of convolutions channels last in memory, which is fast.
-        compile: let torch.compile make network and losses faster; a text names a backend.
-        optimizer: how gradients change weights; None means AdamW.
     """
 
     task = SEGMENTATION

@@ -15,6 +15,7 @@ from scenefw.core.batches import (
 )
 from scenefw.core.errors import ConfigError
 from scenefw.core.rng import torch_seed
+from scenefw.core.settings import SHARE
 from scenefw.core.training_protocols import (
     Loss,
     ShapeInstanceData,
@@ -35,23 +36,14 @@ _SAMPLE_COUNT = 3  # codes per view that a validation scores
 class ShapeInstanceLearning(TrainingModule):
     """Trains a network from partial views to complete volumes (group `learning`).
 
+    Further arguments are those of any training.
+
     Args:
-        model: the network.
-        losses: terms by name.
         metrics: figures of a validation by name; None: none.
-        learning_rate: of the optimiser at factor 1.
-        weight_decay: of the optimiser; 0 makes AdamW Adam.
-        schedule: factor of the learning rate; None means 0.99 every 5 epochs.
-        average: decay of the moving average of weights that is validated and exported; 0: none.
-        seed: seed of codes.
-        initial: weights to start from; None: random ones.
         reinitialise: modules of the network, such as decoder.linear, that start from random weights
             even so.
         draw_from: share of the schedule's budget from which codes of the prior are drawn. Before,
             zero takes their place, as samples of a network that knows little differ in all.
-        channels_last: keep weights of convolutions channels last in memory, which is fast.
-        compile: let torch.compile make network and losses faster; a text names a backend.
-        optimizer: how gradients change weights; None means AdamW.
     """
 
     task = SHAPE_INSTANCE
@@ -75,10 +67,7 @@ class ShapeInstanceLearning(TrainingModule):
         compile: bool | str = False,  # noqa: A002 - as torch calls it
         optimizer: Optimizer | None = None,
     ) -> None:
-        if not 0 <= draw_from <= 1:
-            raise ConfigError(
-                f"learning.draw_from is {draw_from}, expected a share of the budget from 0 to 1"
-            )
+        SHARE.require(draw_from=draw_from)
         super().__init__(
             model, losses, learning_rate, weight_decay, schedule, average, seed, initial,
             reinitialise, channels_last=channels_last, compile=compile, optimizer=optimizer,

@@ -6,6 +6,7 @@ from torch.nn import functional
 
 from scenefw.core.batches import ShapeInstanceBatch, ShapeInstancePrediction, ShapeInstanceSetup
 from scenefw.core.errors import ConfigError
+from scenefw.core.settings import COUNT
 from scenefw.losses.targets import require_draws, require_target
 
 _EPSILON = 1e-4  # truncations^2: the root's slope stays finite where two samples agree
@@ -31,8 +32,7 @@ class BlockEnergy:
     needs_draws = True
 
     def __init__(self, weight: float = 1.0, block: int = 8, target: str = "tsdf") -> None:
-        if block < 1:
-            raise ConfigError(f"loss.block_energy.block is {block}, expected 1 voxel or more")
+        COUNT.require(block=block)
         self.weight, self.block, self.target = weight, block, target
 
     def check(self, setup: ShapeInstanceSetup) -> None:

@@ -9,6 +9,7 @@ from torch.nn import functional
 from scenefw.core.batches import SegmentationBatch, SegmentationSetup
 from scenefw.core.errors import ConfigError
 from scenefw.core.labels import UNKNOWN
+from scenefw.core.settings import NOT_NEGATIVE, below
 
 
 class CrossEntropy:
@@ -30,11 +31,8 @@ class CrossEntropy:
         class_weights: Sequence[float] | None = None,
         smoothing: float = 0.0,
     ) -> None:
-        if not 0 <= smoothing < 1 or (class_weights and min(class_weights) < 0):
-            raise ConfigError(
-                f"cross entropy has class_weights = {class_weights} and smoothing = {smoothing}; "
-                "expected weights of 0 or more and a share below 1"
-            )
+        below(1).require(smoothing=smoothing)
+        NOT_NEGATIVE.require(class_weights=class_weights)
         self.weight = weight
         self.class_weights = list(class_weights) if class_weights else None
         self.smoothing = smoothing

@@ -4,6 +4,7 @@ from torch import Tensor
 
 from scenefw.core.batches import ShapeInstanceBatch, ShapeInstancePrediction, ShapeInstanceSetup
 from scenefw.core.errors import ConfigError
+from scenefw.core.settings import NOT_NEGATIVE
 
 
 class KLDivergence:
@@ -25,8 +26,7 @@ class KLDivergence:
     needs_draws = False
 
     def __init__(self, weight: float = 4e-6, free: float = 0.0) -> None:
-        if free < 0:
-            raise ConfigError(f"loss.kl.free is {free} nats, expected at least 0")
+        NOT_NEGATIVE.require(free=free)
         self.weight, self.free = weight, free
 
     def check(self, setup: ShapeInstanceSetup) -> None:

@@ -5,6 +5,7 @@ from torch import Tensor
 
 from scenefw.core.batches import ShapeInstanceBatch, ShapeInstancePrediction, ShapeInstanceSetup
 from scenefw.core.errors import ConfigError
+from scenefw.core.settings import POSITIVE
 
 
 def mmd_to_normal(codes: Tensor, variance: float) -> Tensor:
@@ -44,8 +45,7 @@ class MaximumMeanDiscrepancy:
     needs_draws = False
 
     def __init__(self, weight: float = 0.38, bandwidth: float = 1.0) -> None:
-        if bandwidth <= 0:
-            raise ConfigError(f"the MMD's bandwidth is {bandwidth}, expected a positive number")
+        POSITIVE.require(bandwidth=bandwidth)
         self.weight, self.bandwidth = weight, bandwidth
 
     def check(self, setup: ShapeInstanceSetup) -> None:

@@ -4,6 +4,7 @@ from torch import Tensor
 
 from scenefw.core.batches import ShapeInstanceBatch, ShapeInstancePrediction, ShapeInstanceSetup
 from scenefw.core.errors import ConfigError
+from scenefw.core.settings import POSITIVE
 from scenefw.losses.tsdf import weighted_distance_error
 
 
@@ -22,8 +23,7 @@ class PartialTsdfLoss:
     needs_draws = False
 
     def __init__(self, weight: float = 0.3, floor: float = 0.1, *, one_sided: bool = True) -> None:
-        if floor <= 0:
-            raise ConfigError(f"loss.partial_tsdf.floor is {floor}, expected a positive number")
+        POSITIVE.require(floor=floor)
         self.weight, self.floor, self.one_sided = weight, floor, one_sided
 
     def check(self, setup: ShapeInstanceSetup) -> None:

@@ -4,6 +4,7 @@ from torch import Tensor
 
 from scenefw.core.batches import ShapeInstanceBatch, ShapeInstancePrediction, ShapeInstanceSetup
 from scenefw.core.errors import ConfigError
+from scenefw.core.settings import POSITIVE
 from scenefw.losses.targets import require_draws, require_target
 
 
@@ -27,8 +28,7 @@ class SampleSpread:
     needs_draws = True
 
     def __init__(self, weight: float = 1.0, floor: float = 0.1, target: str = "tsdf") -> None:
-        if floor <= 0:
-            raise ConfigError(f"loss.sample_spread.floor is {floor}, expected a positive number")
+        POSITIVE.require(floor=floor)
         self.weight, self.floor, self.target = weight, floor, target
 
     def check(self, setup: ShapeInstanceSetup) -> None:

@@ -2,8 +2,9 @@
 
 from torch import Tensor
 
-from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.errors import InputError
 from scenefw.core.object_sets import ObjectSetBatch, ObjectSetPrediction, ObjectSetSetup
+from scenefw.core.settings import POSITIVE
 from scenefw.losses.mmd import mmd_to_normal
 from scenefw.losses.set_targets import require_given
 
@@ -25,8 +26,7 @@ class SetDiscrepancy:
     def __init__(
         self, weight: float = 1.0, bandwidth: float = 1.0, *, per_cell: bool = False
     ) -> None:
-        if bandwidth <= 0:
-            raise ConfigError(f"loss.set_mmd.bandwidth is {bandwidth}; expected a positive number")
+        POSITIVE.require(bandwidth=bandwidth)
         self.weight, self.bandwidth, self.per_cell = weight, bandwidth, per_cell
 
     def check(self, setup: ObjectSetSetup) -> None:

@@ -1,10 +1,12 @@
 """Signed-distance loss with more weight near the surface."""
 
+from dataclasses import KW_ONLY, dataclass
+
 import torch
 from torch import Tensor
 
 from scenefw.core.batches import ShapeInstanceBatch, ShapeInstancePrediction, ShapeInstanceSetup
-from scenefw.core.errors import ConfigError
+from scenefw.core.settings import POSITIVE
 from scenefw.losses.targets import require_target
 
 
@@ -27,6 +29,7 @@ def weighted_distance_error(
     return (weight * (predicted - truth).abs()).mean()
 
 
+@dataclass(eq=False)
 class TsdfLoss:
     """Error of the complete TSDF, weighted by 1 / (|v| + eps) (thesis eq. 5.13).
 
@@ -45,18 +48,14 @@ class TsdfLoss:
 
     needs_draws = False
 
-    def __init__(
-        self,
-        weight: float = 1.0,
-        floor: float = 0.1,
-        target: str = "tsdf",
-        *,
-        one_sided: bool = True,
-    ) -> None:
-        if floor <= 0:
-            raise ConfigError(f"loss.tsdf.floor is {floor}, expected a positive number")
-        self.weight, self.floor, self.one_sided = weight, floor, one_sided
-        self.target = target
+    weight: float = 1.0
+    floor: float = 0.1
+    target: str = "tsdf"
+    _: KW_ONLY
+    one_sided: bool = True
+
+    def __post_init__(self) -> None:
+        POSITIVE.require(floor=self.floor)
 
     def check(self, setup: ShapeInstanceSetup) -> None:
         """Raises a ConfigError if the training has no such volume."""

@@ -1,12 +1,15 @@
 """Loss of the centre votes."""
 
+from dataclasses import dataclass
+
 from torch import Tensor
 
 from scenefw.core.batches import ShapeInstanceBatch, ShapeInstancePrediction, ShapeInstanceSetup
-from scenefw.core.errors import ConfigError
+from scenefw.core.settings import POSITIVE, SHARE
 from scenefw.losses.targets import require_target
 
 
+@dataclass(eq=False)
 class VoteLoss:
     """L2 norm of the difference of predicted and true centre votes (thesis eq. 5.14).
 
@@ -26,20 +29,14 @@ class VoteLoss:
 
     needs_draws = False
 
-    def __init__(
-        self,
-        weight: float = 0.4,
-        epsilon: float = 1e-3,
-        object_share: float | None = None,
-        target: str = "votes",
-    ) -> None:
-        if epsilon <= 0 or not (object_share is None or 0 <= object_share <= 1):
-            raise ConfigError(
-                f"loss.votes has epsilon = {epsilon}, object_share = {object_share}; expected a "
-                "positive number, and a share from 0 to 1 or null"
-            )
-        self.weight, self.epsilon, self.object_share = weight, epsilon, object_share
-        self.target = target
+    weight: float = 0.4
+    epsilon: float = 1e-3
+    object_share: float | None = None
+    target: str = "votes"
+
+    def __post_init__(self) -> None:
+        POSITIVE.require(epsilon=self.epsilon)
+        SHARE.require(object_share=self.object_share)
 
     def check(self, setup: ShapeInstanceSetup) -> None:
         """Raises a ConfigError if the training has no such volume of vectors."""

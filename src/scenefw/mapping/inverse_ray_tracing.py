@@ -4,7 +4,7 @@ import torch
 from torch import Tensor
 
 from scenefw.core.batches import CameraBatch, PartialTSDF
-from scenefw.core.errors import ConfigError
+from scenefw.core.settings import NOT_NEGATIVE, POSITIVE
 from scenefw.core.types import GridSpec
 from scenefw.kernels import partial
 from scenefw.kernels.cameras import require_depth
@@ -39,11 +39,8 @@ class InverseRayTracing:
     """
 
     def __init__(self, step: float = 0.025, behind: float = 0.01) -> None:
-        if not step > 0 or not behind >= 0:
-            raise ConfigError(
-                f"inverse ray tracing has step = {step} and behind = {behind}; "
-                "expected step > 0 and behind >= 0, in metres"
-            )
+        POSITIVE.require(step=step)
+        NOT_NEGATIVE.require(behind=behind)
         self.step = step
         self.behind = behind
 

@@ -10,6 +10,7 @@ from torch import Tensor
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.height_maps import HeightGrid
 from scenefw.core.labelling_protocols import State
+from scenefw.core.settings import NOT_NEGATIVE
 from scenefw.core.types import Frame
 
 _SLACK = 0.02  # how far sums of half-precision probabilities may be from 1
@@ -25,8 +26,7 @@ def require_settings(floor: float, angle_power: float, classes: int = 2) -> None
             f"the smallest likelihood of {classes} classes is floor = {floor}; expected more than "
             f"0 and less than {1 / classes:.3g}"
         )
-    if not angle_power >= 0:
-        raise ConfigError(f"angle_power = {angle_power}, expected 0 (off) or more")
+    NOT_NEGATIVE.require(angle_power=angle_power)
 
 
 def require_labels(probabilities: NDArray[np.float32], frame: Frame, classes: int) -> Tensor:

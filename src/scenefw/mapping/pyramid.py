@@ -7,8 +7,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from scenefw.core.errors import ConfigError
 from scenefw.core.height_maps import HeightGrid
+from scenefw.core.settings import POSITIVE
 from scenefw.core.types import Camera, Frame
 from scenefw.kernels import triangles
 from scenefw.kernels.cameras import finite, stack_cameras
@@ -48,8 +48,7 @@ class Pyramid:
     """
 
     def __init__(self, grid: HeightGrid, a: float, device: str) -> None:
-        if not a > 0:
-            raise ConfigError(f"triangles cover a = {a} pixels, expected a > 0, e.g. 0.5")
+        POSITIVE.require(a=a)
         self.grid, self.a, self.device = grid, a, torch.device(device)
         padding = grid.vertices + 1
         layout, vertices, bands = [], padding, 0

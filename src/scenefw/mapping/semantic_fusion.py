@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from scenefw.core.errors import ConfigError
 from scenefw.core.height_maps import HeightGrid, HeightMap
 from scenefw.core.labelling_protocols import State
+from scenefw.core.settings import NOT_NEGATIVE
 from scenefw.core.types import Frame
 from scenefw.kernels import label_fusion
 from scenefw.kernels.compile import float32
-from scenefw.mapping.label_state import (
-    require_labels,
-    require_settings,
-    start_logits,
-)
+from scenefw.mapping.label_state import require_labels, require_settings, start_logits
 from scenefw.mapping.pyramid import Pyramid
 
 
+@dataclass(eq=False)
 class SemanticFusion:
     """Bayesian fusion of per-pixel distributions into the triangles they fall in (eqs 4.4-4.10).
 
@@ -44,19 +43,15 @@ class SemanticFusion:
 
     reads_map = False
 
-    def __init__(
-        self,
-        alpha: float = 1.0,
-        floor: float = 1e-3,
-        angle_power: float = 0.0,
-        a: float = 0.5,
-        device: str = "cpu",
-    ) -> None:
-        if not alpha >= 0:
-            raise ConfigError(f"semantic fusion has alpha = {alpha}, expected a decay >= 0")
-        require_settings(floor, angle_power)
-        self.alpha, self.floor, self.angle_power = alpha, floor, angle_power
-        self.a, self.device = a, device
+    alpha: float = 1.0
+    floor: float = 1e-3
+    angle_power: float = 0.0
+    a: float = 0.5
+    device: str = "cpu"
+
+    def __post_init__(self) -> None:
+        NOT_NEGATIVE.require(alpha=self.alpha)
+        require_settings(self.floor, self.angle_power)
 
     def begin(
         self,

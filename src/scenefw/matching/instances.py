@@ -6,6 +6,7 @@ import numpy as np
 
 from scenefw.core.types import Int32
 from scenefw.matching.assignment import Assignment
+from scenefw.matching.costs import overlaps
 
 
 def renumbered_like(instances: Int32, reference: Int32) -> Int32:
@@ -15,19 +16,15 @@ def renumbered_like(instances: Int32, reference: Int32) -> Int32:
         instances: (X, Y, Z) labels, 0 = no object.
         reference: of the same shape.
     """
-    labelled = (instances > 0) | (reference > 0)  # most of a volume is neither
-    ids, rows = np.unique(instances[labelled], return_inverse=True)
-    truths, columns = np.unique(reference[labelled], return_inverse=True)
-    places = rows.ravel() * len(truths) + columns.ravel()
-    counts = np.bincount(places, minlength=len(ids) * len(truths)).reshape(len(ids), len(truths))
-    overlap = counts[ids > 0][:, truths > 0]
-    ids, truths = ids[ids > 0], truths[truths > 0]
-    labels: dict[int, int] = {}
-    if overlap.size:
-        pairs = Assignment().assign(-overlap.astype(np.float64))
-        labels = {int(ids[r]): int(truths[c]) for r, c in pairs if overlap[r, c] > 0}
-    unused = itertools.count(int(truths.max(initial=0)) + 1)
+    common = overlaps(instances, reference)
+    pairs = Assignment().assign(-common.shared.astype(np.float64))
+    labels = {
+        int(common.predicted[row]): int(common.true[column])
+        for row, column in pairs
+        if common.shared[row, column] > 0
+    }
+    unused = itertools.count(int(common.true.max(initial=0)) + 1)
     renumbered = np.zeros_like(instances)
-    for i in ids.tolist():
+    for i in common.predicted.tolist():
         renumbered[instances == i] = labels[i] if i in labels else next(unused)
     return renumbered

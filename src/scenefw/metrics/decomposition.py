@@ -113,30 +113,3 @@ def decomposition_scores(
         int(((within.sum(axis=0) >= 2) & ~is_intact).sum()),
         iou.shape[0] - iou.shape[1],
     )
-
-
-def adjusted_rand_index(first: NDArray[np.integer], second: NDArray[np.integer]) -> float:
-    """Agreement of two partitions, 1 for equal ones, 0 as by chance (Hubert and Arabie 1985).
-
-    Args:
-        first: (V,) labels.
-        second: (V,) labels; only which elements share one matters.
-
-    Returns:
-        1 also where there is nothing to agree on, as for no element.
-    """
-    _, rows = np.unique(first, return_inverse=True)
-    _, columns = np.unique(second, return_inverse=True)
-    count, width = len(rows), int(columns.max(initial=-1)) + 1
-    table = np.bincount(rows * width + columns).astype(np.float64)
-    together = _pairs(table)
-    in_first, in_second = _pairs(np.bincount(rows)), _pairs(np.bincount(columns))
-    by_chance = in_first * in_second / max(count * (count - 1) / 2, 1)
-    maximum = (in_first + in_second) / 2
-    return float((together - by_chance) / (maximum - by_chance)) if maximum > by_chance else 1.0
-
-
-def _pairs(sizes: NDArray[np.floating | np.integer]) -> float:
-    """Pairs of elements in groups of these sizes."""
-    numbers = sizes.astype(np.float64)
-    return float((numbers * (numbers - 1)).sum() / 2)

@@ -65,8 +65,3 @@ def weighted_iou(counts: Counts) -> float:
     if not true.sum():
         return float("nan")
     return float(np.nansum(class_ious(counts) * true) / true.sum())
-
-
-def accuracy(counts: Counts) -> float:
-    """Share of what has a true label that was given it; NaN if there is nothing."""
-    return float(np.trace(counts) / counts.sum()) if counts.sum() else float("nan")

@@ -2,14 +2,15 @@
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
 from scenefw.core.errors import ConfigError
+from scenefw.core.settings import POSITIVE, below
 from scenefw.models.receptive_field import receptive_field
+from scenefw.models.recipes import recipe_of
 
 MODALITIES = ("colour", "distance")
 
@@ -132,11 +133,8 @@ class FuseNet(nn.Module):
                 f"FuseNet has classes = {classes}, widths = {list(widths)}, modules = "
                 f"{list(modules)}; expected 2 classes or more, and as many widths as modules"
             )
-        if not scale > 0 or not 0 <= dropout < 1:
-            raise ConfigError(
-                f"FuseNet has scale = {scale}, dropout = {dropout}; expected metres above 0 and a "
-                "share below 1"
-            )
+        POSITIVE.require(scale=scale)
+        below(1).require(dropout=dropout)
         if block < 1 or not modalities or not set(modalities) <= set(MODALITIES):
             raise ConfigError(
                 f"FuseNet has block = {block}, modalities = {list(modalities)}; expected at least "
@@ -146,17 +144,7 @@ class FuseNet(nn.Module):
         self.modalities = tuple(name for name in MODALITIES if name in modalities)
         self.stride = block * 2 ** (len(widths) - 1)
         self.body = FuseNetBody(classes, widths, modules, dropout, block)
-        self.recipe: dict[str, Any] = {
-            "_target_": f"{type(self).__module__}.{type(self).__qualname__}",
-            "classes": classes,
-            "widths": list(widths),
-            "modules": list(modules),
-            "dropout": dropout,
-            "offset": offset,
-            "scale": scale,
-            "block": block,
-            "modalities": list(self.modalities),
-        }
+        self.recipe = recipe_of(self, {**locals(), "modalities": self.modalities})
 
     @cached_property
     def margin(self) -> int:

@@ -13,6 +13,7 @@ from scenefw.core.errors import ConfigError
 from scenefw.kernels.cameras import pixel_places
 from scenefw.kernels.precision import full_precision
 from scenefw.models.conv_level import ConvLevel
+from scenefw.models.recipes import recipe_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -69,10 +70,7 @@ class PartAffinity(nn.Module):
             )
         if obstacles and not shown:
             raise ConfigError("part_affinity has obstacles without objects; give model.shown=true")
-        self.recipe = {
-            "_target_": f"{__name__}.PartAffinity", "widths": list(widths), "focal": focal,
-            "shown": shown, "obstacles": obstacles, "colour": colour,
-        }  # fmt: skip
+        self.recipe = recipe_of(self, locals())
         self.focal, self.stride = focal, 2 ** (len(widths) - 1)
         self.down = nn.ModuleList(
             ConvLevel(a, b) for a, b in zip([CHANNELS, *widths], widths, strict=False)

@@ -1,38 +1,60 @@
 """What networks of sets may see: a complete scene, or one view of it."""
 
-from torch import Tensor
+from abc import ABC, abstractmethod
+
+import torch
+from torch import Tensor, nn
 
 from scenefw.core.errors import ConfigError, InputError
-from scenefw.core.object_sets import ObjectSetBatch
+from scenefw.core.object_sets import ObjectSetBatch, ObjectSetPrediction
 
 CHANNELS = {"occupancy": 1, "view": 2}
 """Of the complete occupancy, or of distances and what was observed."""
 
 
-def require_sees(sees: str) -> None:
-    """Whether there is such a thing to see.
+class VolumeDecomposer(nn.Module, ABC):
+    """A network from the one volume that it sees to a set of objects; nothing is drawn.
+
+    Args:
+        sees: occupancy, the complete scene; or view, the partial TSDF of one depth image.
+        resolution: voxels per side.
 
     Raises:
-        ConfigError: there is not.
+        ConfigError: there is no such thing to see.
     """
-    if sees not in CHANNELS:
-        raise ConfigError(f"model.sees is {sees!r}; expected {' or '.join(CHANNELS)}")
 
+    training_only = ()
+    latent_shape = ()
 
-def seen_volume(batch: ObjectSetBatch, sees: str) -> Tensor:
-    """What a network sees of a batch (B, C, X, Y, Z)."""
-    return batch.occupancy if sees == "occupancy" else batch.condition
+    def __init__(self, sees: str, resolution: int) -> None:
+        super().__init__()
+        if sees not in CHANNELS:
+            raise ConfigError(f"model.sees is {sees!r}; expected {' or '.join(CHANNELS)}")
+        self.sees, self.resolution = sees, resolution
 
+    @abstractmethod
+    def objects_of(self, volume: Tensor) -> ObjectSetPrediction:
+        """Objects of a volume of the right shape."""
 
-def require_volume(volume: Tensor, sees: str, resolution: int) -> None:
-    """Whether a volume is what a network sees.
+    def forward(
+        self, batch: ObjectSetBatch, generator: torch.Generator | None = None
+    ) -> ObjectSetPrediction:
+        """Objects of a batch; nothing is drawn, so the generator is not used."""
+        return self.decompose(batch.occupancy if self.sees == "occupancy" else batch.condition)
 
-    Raises:
-        InputError: it has another shape.
-    """
-    expected_shape = (CHANNELS[sees], *(resolution,) * 3)
-    if tuple(volume.shape[1:]) != expected_shape:
-        raise InputError(
-            f"the network sees volumes (B, {', '.join(map(str, expected_shape))}), got "
-            f"{tuple(volume.shape)}; use the grid of the checkpoint"
-        )
+    def decompose(self, volume: Tensor) -> ObjectSetPrediction:
+        """Objects of what the network sees.
+
+        Args:
+            volume: (B, 1, X, Y, Z) occupancy, or (B, 2, X, Y, Z) as `ObjectSetBatch.condition`.
+
+        Raises:
+            InputError: it has another shape.
+        """
+        expected_shape = (CHANNELS[self.sees], *(self.resolution,) * 3)
+        if tuple(volume.shape[1:]) != expected_shape:
+            raise InputError(
+                f"the network sees volumes (B, {', '.join(map(str, expected_shape))}), got "
+                f"{tuple(volume.shape)}; use the grid of the checkpoint"
+            )
+        return self.objects_of(volume)

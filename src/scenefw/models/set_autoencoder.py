@@ -3,17 +3,17 @@
 from collections.abc import Sequence
 from typing import Literal
 
-import torch
-from torch import Tensor, nn
+from torch import Tensor
 
-from scenefw.core.object_sets import ObjectSetBatch, ObjectSetPrediction
-from scenefw.models.seen_volumes import CHANNELS, require_sees, require_volume, seen_volume
+from scenefw.core.object_sets import ObjectSetPrediction
+from scenefw.models.recipes import recipe_of
+from scenefw.models.seen_volumes import CHANNELS, VolumeDecomposer
 from scenefw.models.set_decoder import SetDecoder
 from scenefw.models.set_encoder import SetEncoder, level_sizes
 from scenefw.models.set_head import SetHead, heads_given, require_slots
 
 
-class SetAutoencoder(nn.Module):
+class SetAutoencoder(VolumeDecomposer):
     """Decomposes a scene into the occupancy of its objects (thesis 6.2.1 and 6.2.2, fig. 6.4).
 
     Args:
@@ -32,9 +32,6 @@ class SetAutoencoder(nn.Module):
         ConfigError: sizes don't go together, or it sees neither.
     """
 
-    training_only = ()
-    latent_shape = ()
-
     def __init__(
         self,
         resolution: int = 64,
@@ -49,26 +46,13 @@ class SetAutoencoder(nn.Module):
         centres: bool = False,
         attention: bool = False,
     ) -> None:
-        super().__init__()
-        self.recipe = {
-            "_target_": f"{__name__}.SetAutoencoder",
-            "resolution": resolution,
-            "slots": slots,
-            "sees": sees,
-            "code_size": code_size,
-            "side": side,
-            "encoder_widths": [int(width) for width in encoder_widths],
-            "decoder_widths": [int(width) for width in decoder_widths],
-            "existence": existence,
-            "centres": centres,
-            "attention": attention,
-        }
-        require_sees(sees)
+        super().__init__(sees, resolution)
+        self.recipe = recipe_of(self, locals())
         require_slots(slots, side)
         sizes = level_sizes(resolution, side, encoder_widths, "encoder_widths")
         level_sizes(resolution, side, decoder_widths, "decoder_widths")
         levels = len(sizes)
-        self.resolution, self.slots, self.sees = resolution, slots, sees
+        self.slots = slots
         self.gives = heads_given(existence=existence, centres=centres)
         self.encoder = SetEncoder(
             CHANNELS[sees], sizes, list(encoder_widths)[:levels][::-1], code_size
@@ -82,21 +66,7 @@ class SetAutoencoder(nn.Module):
             attention=attention,
         )
 
-    def forward(
-        self, batch: ObjectSetBatch, generator: torch.Generator | None = None
-    ) -> ObjectSetPrediction:
-        """Objects of a batch; nothing is drawn, so the generator is not used."""
-        return self.decompose(seen_volume(batch, self.sees))
-
-    def decompose(self, volume: Tensor) -> ObjectSetPrediction:
-        """Objects of what the network sees.
-
-        Args:
-            volume: (B, 1, X, Y, Z) occupancy, or (B, 2, X, Y, Z) as `ObjectSetBatch.condition`.
-
-        Raises:
-            InputError: it has another shape.
-        """
-        require_volume(volume, self.sees, self.resolution)
+    def objects_of(self, volume: Tensor) -> ObjectSetPrediction:
+        """Objects of a volume of the right shape."""
         prediction: ObjectSetPrediction = self.head(self.encoder(volume))
         return prediction

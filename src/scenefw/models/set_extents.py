@@ -12,6 +12,7 @@ from torch import Tensor, nn
 from scenefw.core.set_flows import SetFlowBatch, SetFlowPrediction
 from scenefw.core.settings import COUNT, NOT_NEGATIVE
 from scenefw.kernels.precision import full_precision
+from scenefw.models.recipes import recipe_of
 from scenefw.models.set_attention import attention, time_waves
 from scenefw.models.start_noise import start_noise
 
@@ -76,17 +77,7 @@ class SetExtents(nn.Module):
             slots=slots, width=width, layers=layers, heads=heads, repeats=repeats, others=others
         )
         NOT_NEGATIVE.require(turn=turn)
-        self.recipe = {
-            "_target_": f"{__name__}.SetExtents",
-            "slots": slots,
-            "width": width,
-            "layers": layers,
-            "heads": heads,
-            "repeats": repeats,
-            "turn": turn,
-            "others": others,
-            "ends": ends,
-        }
+        self.recipe = recipe_of(self, locals())
         self.slots, self.width, self.repeats = slots, width, repeats
         self.turn, self.others = math.radians(turn), others
         half = width // 2

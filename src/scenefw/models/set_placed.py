@@ -3,17 +3,17 @@
 from collections.abc import Sequence
 from typing import Literal
 
-import torch
-from torch import Tensor, nn
+from torch import Tensor
 
-from scenefw.core.object_sets import ObjectSetBatch, ObjectSetPrediction
+from scenefw.core.object_sets import ObjectSetPrediction
 from scenefw.models.placed_head import PlacedHead
-from scenefw.models.seen_volumes import CHANNELS, require_sees, require_volume, seen_volume
+from scenefw.models.recipes import recipe_of
+from scenefw.models.seen_volumes import CHANNELS, VolumeDecomposer
 from scenefw.models.set_encoder import SetEncoder, averaged, block_side, level_sizes
 from scenefw.models.set_head import require_slots
 
 
-class PlacedSetAutoencoder(nn.Module):
+class PlacedSetAutoencoder(VolumeDecomposer):
     """Decomposes a scene into objects, each a shape in a box (an answer to thesis fig. 6.9).
 
     Args:
@@ -33,9 +33,6 @@ class PlacedSetAutoencoder(nn.Module):
         ConfigError: sizes don't go together, or it sees neither.
     """
 
-    training_only = ()
-    latent_shape = ()
-
     def __init__(
         self,
         resolution: int = 64,
@@ -49,24 +46,12 @@ class PlacedSetAutoencoder(nn.Module):
         *,
         attention: bool = True,
     ) -> None:
-        super().__init__()
-        self.recipe = {
-            "_target_": f"{__name__}.PlacedSetAutoencoder",
-            "resolution": resolution,
-            "slots": slots,
-            "sees": sees,
-            "code_size": code_size,
-            "side": side,
-            "encoder_widths": [int(width) for width in encoder_widths],
-            "decoder_widths": [int(width) for width in decoder_widths],
-            "seen_resolution": seen_resolution,
-            "attention": attention,
-        }
-        require_sees(sees)
+        super().__init__(sees, resolution)
+        self.recipe = recipe_of(self, locals())
         require_slots(slots, side)
         self.block = block_side(resolution, seen_resolution)
         sizes = level_sizes(resolution // self.block, side, encoder_widths, "encoder_widths")
-        self.resolution, self.slots, self.sees = resolution, slots, sees
+        self.slots = slots
         self.gives = {"existence", "centres", "boxes"}
         self.encoder = SetEncoder(
             CHANNELS[sees], sizes, list(encoder_widths)[: len(sizes)][::-1], code_size
@@ -75,21 +60,7 @@ class PlacedSetAutoencoder(nn.Module):
             resolution, slots, code_size, side, decoder_widths, attention=attention
         )
 
-    def forward(
-        self, batch: ObjectSetBatch, generator: torch.Generator | None = None
-    ) -> ObjectSetPrediction:
-        """Objects of a batch; nothing is drawn, so the generator is not used."""
-        return self.decompose(seen_volume(batch, self.sees))
-
-    def decompose(self, volume: Tensor) -> ObjectSetPrediction:
-        """Objects of what the network sees.
-
-        Args:
-            volume: (B, 1, X, Y, Z) occupancy, or (B, 2, X, Y, Z) as `ObjectSetBatch.condition`.
-
-        Raises:
-            InputError: it has another shape.
-        """
-        require_volume(volume, self.sees, self.resolution)
+    def objects_of(self, volume: Tensor) -> ObjectSetPrediction:
+        """Objects of a volume of the right shape."""
         prediction: ObjectSetPrediction = self.head(self.encoder(averaged(volume, self.block)))
         return prediction

@@ -6,10 +6,11 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor, nn
 
-from scenefw.core.errors import ConfigError
 from scenefw.core.object_sets import ObjectSetBatch, ObjectSetPrediction
+from scenefw.core.settings import COUNT
 from scenefw.models.blocks import Conv3d, ConvUnit, ResidualBlock
 from scenefw.models.placed_head import PlacedHead
+from scenefw.models.recipes import recipe_of
 from scenefw.models.seen_volumes import CHANNELS
 from scenefw.models.set_encoder import SetEncoder, averaged, block_side, level_sizes
 from scenefw.models.set_head import require_slots
@@ -59,21 +60,9 @@ class PlacedSetVAE(nn.Module):
         attention: bool = True,
     ) -> None:
         super().__init__()
-        self.recipe = {
-            "_target_": f"{__name__}.PlacedSetVAE",
-            "resolution": resolution,
-            "slots": slots,
-            "code_size": code_size,
-            "latent_size": latent_size,
-            "side": side,
-            "encoder_widths": [int(width) for width in encoder_widths],
-            "decoder_widths": [int(width) for width in decoder_widths],
-            "seen_resolution": seen_resolution,
-            "attention": attention,
-        }
+        self.recipe = recipe_of(self, locals())
         require_slots(slots, side)
-        if latent_size < 1:
-            raise ConfigError(f"model.latent_size is {latent_size}; expected 1 channel or more")
+        COUNT.require(latent_size=latent_size)
         self.block = block_side(resolution, seen_resolution)
         sizes = level_sizes(resolution // self.block, side, encoder_widths, "encoder_widths")
         widths = list(encoder_widths)[: len(sizes)][::-1]

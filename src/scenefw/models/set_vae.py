@@ -9,6 +9,7 @@ from torch import Tensor, nn
 from scenefw.core.errors import ConfigError
 from scenefw.core.object_sets import ObjectSetBatch, ObjectSetPrediction
 from scenefw.models.condition import ConditionAutoencoder
+from scenefw.models.recipes import recipe_of
 from scenefw.models.seen_volumes import CHANNELS
 from scenefw.models.set_decoder import SetDecoder
 from scenefw.models.set_encoder import SetEncoder, level_sizes
@@ -57,20 +58,7 @@ class SetVAE(nn.Module):
         attention: bool = False,
     ) -> None:
         super().__init__()
-        self.recipe = {
-            "_target_": f"{__name__}.SetVAE",
-            "resolution": resolution,
-            "slots": slots,
-            "code_size": code_size,
-            "side": side,
-            "encoder_widths": [int(width) for width in encoder_widths],
-            "decoder_widths": [int(width) for width in decoder_widths],
-            "condition_widths": [int(width) for width in condition_widths],
-            "bottleneck": bottleneck,
-            "existence": existence,
-            "centres": centres,
-            "attention": attention,
-        }
+        self.recipe = recipe_of(self, locals())
         require_slots(slots, side)
         sizes = level_sizes(resolution, side, encoder_widths, "encoder_widths")
         level_sizes(resolution, side, decoder_widths, "decoder_widths")

@@ -1,7 +1,6 @@
 """Depth-conditioned variational autoencoder of shape and instances (SIMstack)."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -10,6 +9,7 @@ from scenefw.core.batches import RedrawnShapes, ShapeInstanceBatch, ShapeInstanc
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.protocols import Representation
 from scenefw.models.condition import ConditionAutoencoder
+from scenefw.models.recipes import recipe_of
 from scenefw.models.scene_decoder import STANDARD, SceneDecoder
 from scenefw.models.scene_encoder import SceneEncoder
 
@@ -68,7 +68,9 @@ class ShapeInstanceVAE(nn.Module):
     ) -> None:
         super().__init__()
         self.outputs = _channels(outputs)
-        self.recipe = _recipe({**locals(), "outputs": self.outputs})
+        self.recipe = recipe_of(self, {**locals(), "outputs": self.outputs})
+        if self.outputs == STANDARD:  # files of earlier versions name no outputs
+            del self.recipe["outputs"]
         _check(resolution, channels, condition_widths, encoder_widths, decoder_widths)
         _check_shares(zero_share, prior_share)
         self.resolution, self.channels, self.latent_size = resolution, channels, latent_size
@@ -234,18 +236,6 @@ def _channels(outputs: Mapping[str, Representation | int] | None) -> dict[str, i
         for name, output in (outputs or {}).items()
     }
     return dict(STANDARD) if not channels or channels == STANDARD else channels
-
-
-def _recipe(arguments: dict[str, Any]) -> dict[str, Any]:
-    """What rebuilds the network: its class and plain arguments."""
-    recipe: dict[str, Any] = {"_target_": f"{__name__}.ShapeInstanceVAE"}
-    outputs = arguments.pop("outputs")
-    if outputs != STANDARD:  # files of earlier versions name no outputs
-        recipe["outputs"] = dict(outputs)
-    for name, value in arguments.items():
-        if name not in ("self", "__class__"):
-            recipe[name] = value if isinstance(value, (int, float)) else [int(v) for v in value]
-    return recipe
 
 
 def _check_shares(zero: float, prior: float) -> None:

@@ -6,7 +6,8 @@ import torch
 from torch import Tensor
 
 from scenefw.core.batches import CameraBatch
-from scenefw.core.errors import ConfigError
+from scenefw.core.errors import SettingError
+from scenefw.core.settings import NOT_NEGATIVE, POSITIVE, SHARE, below
 from scenefw.kernels import depth_noise
 from scenefw.kernels.cameras import finite
 from scenefw.kernels.compile import float32
@@ -51,33 +52,20 @@ class Kinect:
         farthest: float = 8.0,
         share: float = 1.0,
     ) -> None:
-        _require(baseline != 0, "baseline", baseline, "a distance other than 0 in metres")
-        _require(disparity_step > 0, "disparity_step", disparity_step, "pixels above 0")
-        _require(lateral >= 0, "lateral", lateral, "pixels, 0 or more")
-        _require(axial >= 0, "axial", axial, "a factor, 0 or more")
-        _require(0 <= grazing_from < grazing_to, "grazing_from", grazing_from, "below grazing_to")
-        _require(0 <= dropout <= 1, "dropout", dropout, "a share between 0 and 1")
-        _require(0 <= nearest < farthest, "nearest", nearest, "metres below farthest")
-        _require(0 <= share <= 1, "share", share, "a share between 0 and 1")
-        self.baseline = baseline
-        self.disparity_step = disparity_step
-        self.lateral = lateral
-        self.axial = axial
-        self.grazing_from = math.radians(grazing_from)
-        self.grazing_to = math.radians(grazing_to)
-        self.dropout = dropout
-        self.nearest = nearest
-        self.farthest = farthest
-        self.share = share
+        if not abs(baseline) > 0:
+            raise SettingError("baseline", baseline, "metres other than 0")
+        POSITIVE.require(disparity_step=disparity_step)
+        NOT_NEGATIVE.require(lateral=lateral, axial=axial)
+        below(grazing_to).require(grazing_from=grazing_from)
+        below(farthest).require(nearest=nearest)
+        SHARE.require(dropout=dropout, share=share)
+        self.baseline, self.disparity_step = baseline, disparity_step
+        self.lateral, self.axial = lateral, axial
+        self.grazing_from, self.grazing_to = math.radians(grazing_from), math.radians(grazing_to)
+        self.dropout, self.nearest, self.farthest, self.share = dropout, nearest, farthest, share
 
     def apply(self, depth: Tensor, cameras: CameraBatch, seeds: Tensor) -> Tensor:
-        """Noisy copy of z-depth (B, H, W) in metres; 0 stays 0, as long as nothing shifts onto it.
-
-        Args:
-            depth: (B, H, W) metres.
-            cameras: one per image; focal length and baseline make the disparity.
-            seeds: (B,) int64, 0 or more: one per image, on the same device.
-        """
+        """Noisy copy of z-depth (B, H, W) in metres; 0 stays 0 unless something shifts onto it."""
         depth = finite(depth.float(), 0.0).contiguous()
         lit, noisy = torch.empty_like(depth), torch.empty_like(depth)
         size = (cameras.width, cameras.height)
@@ -105,8 +93,3 @@ class Kinect:
             size, baseline, sensor, share,
         )  # fmt: skip
         return noisy
-
-
-def _require(condition: bool, name: str, value: float, expected: str) -> None:
-    if not condition:
-        raise ConfigError(f"Kinect noise has {name} = {value}; expected {expected}")

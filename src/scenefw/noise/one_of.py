@@ -37,13 +37,7 @@ class OneOf:
         self.sensors, self.share = dict(sensors), share
 
     def apply(self, depth: Tensor, cameras: CameraBatch, seeds: Tensor) -> Tensor:
-        """Noisy copy of z-depth (B, H, W) in metres; 0 stays 0.
-
-        Args:
-            depth: (B, H, W) metres.
-            cameras: one per image.
-            seeds: (B,) int64, 0 or more: one per image, on the same device.
-        """
+        """Noisy copy of z-depth (B, H, W) in metres; 0 stays 0."""
         lots = Streams.of(0, 1, indices=seeds.cpu().numpy()).uniform(2)
         choices = np.where(
             lots[:, 0] < self.share, np.floor(lots[:, 1] * len(self.sensors)).astype(int), -1

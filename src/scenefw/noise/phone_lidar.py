@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 _DRAWS = 4  # numbers that decide how much of each error an image has
 
 
+@dataclass(eq=False)
 class PhoneLidar:
     """Disturbs depth like the depth maps of phones, which are smooth where the scene isn't.
 
@@ -38,28 +40,19 @@ class PhoneLidar:
         ConfigError: an amount out of range, or a share that is none.
     """
 
-    def __init__(
-        self,
-        spacing: int = 8,
-        wave: float = 30.0,
-        deviation: float = 0.006,
-        farthest: float = 5.0,
-        share: float = 1.0,
-    ) -> None:
-        POSITIVE.require(wave=wave, spacing=spacing, farthest=farthest)
-        NOT_NEGATIVE.require(deviation=deviation)
-        SHARE.require(share=share)
-        self.spacing, self.wave, self.deviation = spacing, wave, deviation
-        self.farthest, self.share = farthest, share
+    spacing: int = 8
+    wave: float = 30.0
+    deviation: float = 0.006
+    farthest: float = 5.0
+    share: float = 1.0
+
+    def __post_init__(self) -> None:
+        POSITIVE.require(wave=self.wave, spacing=self.spacing, farthest=self.farthest)
+        NOT_NEGATIVE.require(deviation=self.deviation)
+        SHARE.require(share=self.share)
 
     def apply(self, depth: Tensor, cameras: CameraBatch, seeds: Tensor) -> Tensor:
-        """Smooth copy of z-depth (B, H, W) in metres; 0 stays 0, the rest is positive or lost.
-
-        Args:
-            depth: (B, H, W) metres.
-            cameras: unused.
-            seeds: (B,) int64, 0 or more: one per image, on the same device.
-        """
+        """Smooth copy of z-depth (B, H, W) in metres; 0 stays 0, the rest is positive or lost."""
         del cameras
         depth = finite(depth.float(), 0.0).clamp_min(0.0).contiguous()
         depth_in_reach = torch.where(depth <= self.farthest, depth, 0.0)

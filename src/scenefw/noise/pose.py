@@ -7,7 +7,7 @@ from scipy.special import ndtri
 from torch import Tensor
 
 from scenefw.core.batches import CameraBatch
-from scenefw.core.errors import ConfigError
+from scenefw.core.settings import NOT_NEGATIVE, POSITIVE, SHARE, between
 from scenefw.core.types import Camera, Float64
 
 
@@ -39,23 +39,10 @@ class Jitter:
         lowest: float | None = None,
         share: float = 1.0,
     ) -> None:
-        for name, value in (("sigma", sigma), ("rotation", rotation or 0.0)):
-            if not value >= 0:
-                raise ConfigError(
-                    f"pose noise has {name} = {value}; expected 0 or more (sigma in metres: 0.001 "
-                    "is 1 mm, rotation in radians)"
-                )
-        if not reach > 0:
-            raise ConfigError(f"pose noise has reach = {reach}; expected metres above 0")
-        if lowest is not None and not 0 <= lowest <= sigma:
-            raise ConfigError(
-                f"pose noise has lowest = {lowest}, sigma = {sigma}; expected lowest between 0 and "
-                "sigma (m)"
-            )
-        if not 0 <= share <= 1:
-            raise ConfigError(
-                f"pose noise has share = {share}; expected a share of the cameras, 0 to 1"
-            )
+        NOT_NEGATIVE.require(sigma=sigma, rotation=rotation)
+        POSITIVE.require(reach=reach)
+        between(0, sigma).require(lowest=lowest)
+        SHARE.require(share=share)
         self.sigma = sigma
         self.rotation = sigma / reach if rotation is None else rotation
         self.lowest, self.share = sigma if lowest is None else lowest, share

@@ -76,13 +76,7 @@ class Stereo:
         self.ramps, self.ramp, self.across = ramps, ramp, across
 
     def apply(self, depth: Tensor, cameras: CameraBatch, seeds: Tensor) -> Tensor:
-        """Noisy copy of z-depth (B, H, W) in metres; 0 stays 0, the rest is positive or lost.
-
-        Args:
-            depth: (B, H, W) metres.
-            cameras: one per image; focal length and baseline make the disparity.
-            seeds: (B,) int64, 0 or more: one per image, on the same device.
-        """
+        """Noisy copy of z-depth (B, H, W) in metres; 0 stays 0, the rest is positive or lost."""
         depth = finite(depth.float(), 0.0).clamp_min(0.0).contiguous()
         streams = Streams.of(0, indices=seeds.cpu().numpy())
         chances = streams.uniform(6)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 _DRAWS = 6  # numbers that decide how much of each error an image has
 
 
+@dataclass(eq=False)
 class TimeOfFlight:
     """Disturbs depth like a camera that times its own light.
 
@@ -45,33 +47,23 @@ class TimeOfFlight:
         ConfigError: an amount that is negative, or a share that is none.
     """
 
-    def __init__(
-        self,
-        deviation: float = 0.003,
-        flying: float = 0.8,
-        jump: float = 0.02,
-        patch: float = 40.0,
-        dark: float = 4.0,
-        multipath: float = 0.008,
-        lost: float = 0.03,
-        farthest: float = 5.5,
-        share: float = 1.0,
-    ) -> None:
-        POSITIVE.require(jump=jump, patch=patch, dark=dark, farthest=farthest)
-        NOT_NEGATIVE.require(deviation=deviation, multipath=multipath)
-        SHARE.require(flying=flying, lost=lost, share=share)
-        self.deviation, self.flying, self.jump = deviation, flying, jump
-        self.patch, self.dark, self.multipath = patch, dark, multipath
-        self.lost, self.farthest, self.share = lost, farthest, share
+    deviation: float = 0.003
+    flying: float = 0.8
+    jump: float = 0.02
+    patch: float = 40.0
+    dark: float = 4.0
+    multipath: float = 0.008
+    lost: float = 0.03
+    farthest: float = 5.5
+    share: float = 1.0
+
+    def __post_init__(self) -> None:
+        POSITIVE.require(jump=self.jump, patch=self.patch, dark=self.dark, farthest=self.farthest)
+        NOT_NEGATIVE.require(deviation=self.deviation, multipath=self.multipath)
+        SHARE.require(flying=self.flying, lost=self.lost, share=self.share)
 
     def apply(self, depth: Tensor, cameras: CameraBatch, seeds: Tensor) -> Tensor:
-        """Noisy copy of z-depth (B, H, W) in metres; 0 stays 0, the rest is positive or lost.
-
-        Args:
-            depth: (B, H, W) metres.
-            cameras: unused; light takes as long through every lens.
-            seeds: (B,) int64, 0 or more: one per image, on the same device.
-        """
+        """Noisy copy of z-depth (B, H, W) in metres; 0 stays 0, the rest is positive or lost."""
         del cameras
         depth = finite(depth.float(), 0.0).clamp_min(0.0).contiguous()
         depth_in_reach = torch.where(depth <= self.farthest, depth, 0.0)

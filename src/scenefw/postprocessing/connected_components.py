@@ -20,13 +20,7 @@ class ConnectedComponents:
         self.smallest = smallest
 
     def extract(self, tsdf: Tensor, votes: Tensor, grid: GridSpec) -> tuple[Tensor, Tensor]:
-        """Instances (X, Y, Z) int32, 1..N by size, and their centroids (N, 3) metres.
-
-        Args:
-            tsdf: (X, Y, Z) metres, negative inside.
-            votes: unused.
-            grid: of the TSDF.
-        """
+        """Instances (X, Y, Z) int32, 1..N by size, and their centroids (N, 3) metres."""
         if tuple(tsdf.shape) != grid.shape:
             raise InputError(
                 f"tsdf has shape {tuple(tsdf.shape)}, expected {grid.shape}; give one scene "

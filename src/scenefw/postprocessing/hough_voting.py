@@ -1,5 +1,6 @@
 """Class-agnostic instances by 3D Hough voting for object centres (thesis 5.2.1, eq. 5.6)."""
 
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import torch
@@ -37,6 +38,7 @@ class Rays(NamedTuple):
     corner: Tensor
 
 
+@dataclass(eq=False)
 class HoughVoting:
     """Finds object centres where many centre votes meet and gives each voxel to one of them.
 
@@ -64,28 +66,19 @@ class HoughVoting:
         smoothing: share of the neighbours' mean in a voxel's cost, 0 for none.
     """
 
-    def __init__(
-        self,
-        threshold: int = 10,
-        subdivisions: int = 10,
-        gamma: float = 0.1,
-        bandwidth: float = 0.012,
-        merging: float = 0.025,
-        gain: float = 0.5,
-        smallest: float = 3e-5,
-        smoothing: float = 0.7,
-    ) -> None:
-        COUNT.require(subdivisions=subdivisions)
-        POSITIVE.require(bandwidth=bandwidth)
-        NOT_NEGATIVE.require(threshold=threshold)
-        self.threshold = threshold
-        self.subdivisions = subdivisions
-        self.gamma = gamma
-        self.bandwidth = bandwidth
-        self.merging = merging
-        self.gain = gain
-        self.smallest = smallest
-        self.smoothing = smoothing
+    threshold: int = 10
+    subdivisions: int = 10
+    gamma: float = 0.1
+    bandwidth: float = 0.012
+    merging: float = 0.025
+    gain: float = 0.5
+    smallest: float = 3e-5
+    smoothing: float = 0.7
+
+    def __post_init__(self) -> None:
+        COUNT.require(subdivisions=self.subdivisions)
+        POSITIVE.require(bandwidth=self.bandwidth)
+        NOT_NEGATIVE.require(threshold=self.threshold)
 
     @torch.no_grad()
     def extract(self, tsdf: Tensor, votes: Tensor, grid: GridSpec) -> tuple[Tensor, Tensor]:

@@ -12,8 +12,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from scenefw.core.errors import ConfigError
 from scenefw.core.height_maps import HeightGrid, HeightMap
+from scenefw.core.settings import NOT_NEGATIVE
 from scenefw.core.tabletop import TabletopGeometry
 from scenefw.core.types import Camera, Frame
 from scenefw.kernels import meshes, pictures, shading, textures
@@ -39,8 +39,7 @@ class MeshRaycaster:
     """
 
     def __init__(self, contrast: float = 0.1, device: str = "cpu") -> None:
-        if contrast < 0:
-            raise ConfigError(f"contrast = {contrast}: expected 0 or more, e.g. 0.1")
+        NOT_NEGATIVE.require(contrast=contrast)
         self.contrast = contrast
         self.device = torch.device(device)
         self._last: tuple[TabletopGeometry, Tables] | None = None

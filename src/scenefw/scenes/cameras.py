@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenefw.core.errors import ConfigError
+from scenefw.core.errors import ConfigError, SettingError
 from scenefw.core.geometry import look_at
 from scenefw.core.rng import Streams
-from scenefw.core.settings import NOT_NEGATIVE, POSITIVE
+from scenefw.core.settings import COUNT, NOT_NEGATIVE, POSITIVE
 from scenefw.core.types import Camera, Float64
 
 
@@ -50,23 +50,17 @@ class RandomViewpoints:
         centre: tuple[float, float, float] = (0.0, 0.0, 0.1),
         jitter: float = 0.03,
     ) -> None:
-        if min(width, height, *full_size) < 1:
-            raise ConfigError(
-                f"viewpoints: image {width} x {height}: expected at least 1 x 1 pixel"
-            )
+        COUNT.require(width=width, height=height, full_size=full_size)
+        POSITIVE.require(radius=radius, fx=fx, fy=fy)
+        NOT_NEGATIVE.require(closest=closest, jitter=jitter)
         low, high = heights
-        if radius <= 0 or low > high:
-            raise ConfigError(
-                f"viewpoints: radius = {radius}, heights = {heights}: expected radius > 0 and "
-                "lowest <= highest (m)"
-            )
+        if low > high:
+            raise SettingError("heights", heights, "two heights (m), the lower first")
         corner = np.array([radius, radius, max((low, high), key=lambda z: abs(z - centre[2]))])
         if np.linalg.norm(corner + np.abs([*centre[:2], 0]) - [0, 0, centre[2]]) <= closest:
             raise ConfigError(
                 f"viewpoints.closest = {closest} m leaves no place within {radius} m; lower it"
             )
-        POSITIVE.require(fx=fx, fy=fy)
-        NOT_NEGATIVE.require(closest=closest, jitter=jitter)
         self.width, self.height = width, height
         self.camera = Camera(*full_size, fx, fy, cx, cy).resized(width, height)
         self.lower = np.array([-radius, -radius, low])

@@ -11,6 +11,7 @@ from scenefw.core import rng as streams
 from scenefw.core.errors import ConfigError
 from scenefw.core.geometry import quaternion_from_rotation
 from scenefw.core.labelling_protocols import TabletopModels
+from scenefw.core.settings import POSITIVE, below
 from scenefw.core.tabletop import TabletopGeometry, TabletopItem, TabletopScene
 from scenefw.scenes import desk_light
 from scenefw.scenes.drape import draped
@@ -73,11 +74,8 @@ class DeskGenerator(NumberedScenes):
             raise ConfigError(f"border = {border} m leaves no room on {extent} m; lower it")
         if len(placed) != 3 or min(placed) < 0 or not sum(placed) > 0:
             raise ConfigError(f"placed = {list(placed)}: expected three shares from 0 on")
-        if not 0 <= steepest < 60 or not highest > 0:
-            raise ConfigError(
-                f"steepest = {steepest} degrees, highest = {highest} m: expected 0 to below 60, "
-                "and more than 0"
-            )
+        below(60).require(steepest=steepest)
+        POSITIVE.require(highest=highest)
         self.models, self.classes = models, tuple(models.classes)
         self.minimum, self.maximum, self.trials = minimum, maximum, trials
         self.placed = np.asarray(placed, dtype=np.float64) / sum(placed)

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import accumulate
 
-from scenefw.core.errors import ConfigError
+from scenefw.core.errors import ConfigError, SettingError
 from scenefw.core.final_split import FINAL
+from scenefw.core.settings import COUNT, NOT_NEGATIVE, at_least
 from scenefw.core.tabletop import SPLITS
 
 
@@ -61,9 +62,9 @@ def require_draws(
     Raises:
         ConfigError: numbers that draw nothing.
     """
-    if not 0 <= minimum <= maximum or not 0 < scales[0] <= scales[1] or trials < 1:
-        raise ConfigError(
-            f"minimum = {minimum}, maximum = {maximum}, scales = {list(scales)}, trials = "
-            f"{trials}: expected 0 <= minimum <= maximum, scales in order and trials >= 1"
-        )
+    NOT_NEGATIVE.require(minimum=minimum)
+    at_least(minimum).require(maximum=maximum)
+    COUNT.require(trials=trials)
+    if not 0 < scales[0] <= scales[1]:
+        raise SettingError("scales", scales, "two factors above 0, the smaller first")
     return float(scales[0]), float(scales[1])

@@ -8,7 +8,7 @@ from scenefw.core import rng as streams
 from scenefw.core.errors import ConfigError
 from scenefw.core.geometry import random_quaternion
 from scenefw.core.protocols import Engine, ShapeSource
-from scenefw.core.settings import COUNT, NOT_NEGATIVE, POSITIVE
+from scenefw.core.settings import COUNT, NOT_NEGATIVE, POSITIVE, at_least
 from scenefw.core.types import Pose, Scene, SceneObject, Shape
 from scenefw.scenes.splits import SPLITS, split_of
 
@@ -69,11 +69,8 @@ class StackGenerator:
             raise ConfigError(
                 f"scene.split = {split}: expected one of {', '.join(SPLITS)}, or null to draw it"
             )
-        if not 1 <= minimum <= maximum:
-            raise ConfigError(
-                f"scene.minimum = {minimum}, scene.maximum = {maximum}: "
-                "expected 1 <= minimum <= maximum"
-            )
+        COUNT.require(minimum=minimum)
+        at_least(minimum).require(maximum=maximum)
         if np.any(np.asarray(lower) >= np.asarray(upper)):
             raise ConfigError(f"scene.lower = {lower} is not below scene.upper = {upper}")
         COUNT.require(trials=trials, max_steps=max_steps)

@@ -239,6 +239,10 @@ def _check_layout(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
                 f"{path}: {name} is {array.dtype} {array.shape}, expected {expected.dtype} "
                 f"{expected.shape}; regenerate the file with run=generate"
             )
+        if not np.isfinite(array).all():
+            raise StorageError(
+                f"{path}: {name} holds values that are not finite; regenerate it with run=generate"
+            )
     if (arrays["count"] > objects).any():
         raise StorageError(f"{path}: a scene counts more objects than it has rows ({objects})")
 

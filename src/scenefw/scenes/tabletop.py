@@ -12,13 +12,7 @@ from scenefw.core import rng as streams
 from scenefw.core.errors import ConfigError
 from scenefw.core.geometry import rotation_from_quaternion
 from scenefw.core.labelling_protocols import TabletopModels
-from scenefw.core.tabletop import (
-    PLACEMENT,
-    Light,
-    TabletopGeometry,
-    TabletopItem,
-    TabletopScene,
-)
+from scenefw.core.tabletop import PLACEMENT, Light, TabletopGeometry, TabletopItem, TabletopScene
 from scenefw.scenes.numbers import NumberedScenes, require_draws
 from scenefw.shapes.tabletop import colours
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from scenefw.core import rng as streams
 from scenefw.core.errors import ConfigError
-from scenefw.core.settings import NOT_NEGATIVE, SHARE
+from scenefw.core.settings import COUNT, NOT_NEGATIVE, SHARE
 from scenefw.shapes.superquadric import Array, Superquadric
 
 
@@ -35,8 +35,7 @@ class SuperquadricLibrary:
         paired: float = 0.5,
         seed: int = 0,
     ) -> None:
-        if size < 1:
-            raise ConfigError(f"shape.size = {size}: expected at least one shape")
+        COUNT.require(size=size)
         if not 0 < extents[0] <= extents[1]:
             raise ConfigError(f"shape.extents = {extents}: expected 0 < smallest <= largest (m)")
         if not 1 <= exponents[0] <= exponents[1]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from scenefw.core.assets import image_path
 from scenefw.core.errors import ConfigError
 from scenefw.core.files import require_apart
+from scenefw.core.settings import POSITIVE
 from scenefw.data.files.arrays import read_mask
 from scenefw.data.files.image_poses import folder_poses
 from scenefw.data.files.lens import undistorted
@@ -49,8 +50,7 @@ class DepthImages:
     ) -> None:
         if path is None:
             raise ConfigError(f"run={verb} needs input=PATH of a depth image or a folder of them")
-        if depth_scale is not None and not depth_scale > 0:
-            raise ConfigError(f"run.depth_scale = {depth_scale}: expected metres per unit, above 0")
+        POSITIVE.require(depth_scale=depth_scale)
         if output is not None:
             require_apart(output, path)
         self.path = image_path(path)

@@ -8,10 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from scenefw.core.errors import ConfigError, StorageError
+from scenefw.core.errors import StorageError
 from scenefw.core.files import require_name, require_writable
 from scenefw.core.made_of import settings_of
 from scenefw.core.protocols import SceneSource, Workers
+from scenefw.core.settings import COUNT
 from scenefw.core.versions import installed, versions
 from scenefw.scenes import statistics
 from scenefw.scenes.storage import Stored, StoredScenes, concatenate, load_scenes, pack, save_scenes
@@ -60,9 +61,7 @@ class Generate:
         scene: str | None = None,
         shape: str | None = None,
     ) -> None:
-        for key, value in (("attempts", attempts), ("shard_size", shard_size)):
-            if value < 1:
-                raise ConfigError(f"run.{key} = {value}: expected at least 1")
+        COUNT.require(attempts=attempts, shard_size=shard_size)
         self.source = source
         self.attempts = attempts
         self.seed = seed

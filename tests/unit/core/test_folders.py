@@ -6,12 +6,7 @@ from pathlib import Path
 import pytest
 
 from scenefw.core.errors import StorageError
-from scenefw.core.folders import (
-    MANIFEST,
-    adding_to_folder,
-    replacing_folder,
-    require_replaceable,
-)
+from scenefw.core.folders import MANIFEST, adding_to_folder, replacing_folder, require_replaceable
 
 
 def write(folder, **files):

@@ -5,12 +5,7 @@ import pytest
 from omegaconf import OmegaConf
 
 from scenefw.core.errors import ConfigError, InputError, StorageError
-from scenefw.execution.places import (
-    require_input,
-    require_no_strangers,
-    require_values,
-    strangers,
-)
+from scenefw.execution.places import require_input, require_no_strangers, require_values, strangers
 
 
 @pytest.mark.parametrize(

@@ -8,12 +8,7 @@ from scenefw.contracts import problems
 from scenefw.core.errors import ConfigError
 from scenefw.core.training_protocols import SegmentationModel
 from scenefw.labelling import sliding_window
-from scenefw.labelling.sliding_window import (
-    SlidingWindow,
-    bytes_per_pixel,
-    free_megabytes,
-    windows,
-)
+from scenefw.labelling.sliding_window import SlidingWindow, bytes_per_pixel, free_megabytes, windows
 from scenefw.models.fusenet import FuseNet
 
 
@@ -151,7 +146,7 @@ def test_free_memory_of_a_gpu():
 
 
 def test_wrong_settings_are_refused():
-    with pytest.raises(ConfigError, match="sliding window"):
+    with pytest.raises(ConfigError, match="memory = 0"):
         SlidingWindow(memory=0)
-    with pytest.raises(ConfigError, match="sliding window"):
+    with pytest.raises(ConfigError, match="window = 0"):
         SlidingWindow(window=0)

@@ -2,16 +2,7 @@
 
 import numpy as np
 import pytest
-from tests.unit.labelling.fakes import (
-    CLASSES,
-    GRID,
-    Heights,
-    Labels,
-    Maps,
-    Views,
-    frames,
-    truth,
-)
+from tests.unit.labelling.fakes import CLASSES, GRID, Heights, Labels, Maps, Views, frames, truth
 
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.labels import FROM_BOTH, FROM_MAP, FROM_VIEWS, NO_SOURCE, UNKNOWN

@@ -85,7 +85,7 @@ def test_the_rate_of_matrices_follows_the_schedule(tmp_path):
     "settings", [{"rate": 0.0}, {"rate": -1.0}, {"rate": float("nan")}, {"momentum": 1.0}]
 )
 def test_settings_out_of_range_are_one_line(settings):
-    with pytest.raises(ConfigError, match="optimizer"):
+    with pytest.raises(ConfigError, match=next(iter(settings))):
         Muon(**settings)
 
 

@@ -4,11 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from scenefw.core.batches import (
-    ShapeInstanceBatch,
-    ShapeInstancePrediction,
-    ShapeInstanceSetup,
-)
+from scenefw.core.batches import ShapeInstanceBatch, ShapeInstancePrediction, ShapeInstanceSetup
 from scenefw.core.errors import ConfigError
 from scenefw.core.types import GridSpec
 from scenefw.losses.absolute_error import AbsoluteError

@@ -63,5 +63,5 @@ def test_wrong_settings_are_errors():
         BlockEnergy()(*random_pair())
     with pytest.raises(ConfigError, match="divides"):
         BlockEnergy(block=3)(*redrawn_pair(4))
-    with pytest.raises(ConfigError, match="1 voxel"):
+    with pytest.raises(ConfigError, match="block = "):
         BlockEnergy(block=0)

@@ -34,5 +34,5 @@ def test_free_nats_cost_nothing_and_teach_nothing():
 
 
 def test_a_negative_allowance_is_an_error():
-    with pytest.raises(ConfigError, match=r"loss\.kl\.free"):
+    with pytest.raises(ConfigError, match="free = "):
         KLDivergence(free=-1.0)

@@ -146,7 +146,7 @@ def test_volumes_like_the_prior_discrepate_less(batch):
         loss = SetDiscrepancy(per_cell=per_cell)
         far = dataclasses.replace(found, latent=found.latent + 3)
         assert float(loss(found, batch).detach()) < float(loss(far, batch).detach()) - 0.1
-    with pytest.raises(ConfigError, match="bandwidth is 0"):
+    with pytest.raises(ConfigError, match="bandwidth = 0"):
         SetDiscrepancy(bandwidth=0)
 
 

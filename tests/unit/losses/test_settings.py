@@ -11,8 +11,8 @@ from scenefw.losses.votes import VoteLoss
 @pytest.mark.parametrize(
     ("loss", "wrong", "name"),
     [
-        (TsdfLoss, {"floor": 0.0}, r"loss\.tsdf\.floor"),
-        (PartialTsdfLoss, {"floor": -0.1}, r"loss\.partial_tsdf\.floor"),
+        (TsdfLoss, {"floor": 0.0}, "floor = 0.0"),
+        (PartialTsdfLoss, {"floor": -0.1}, "floor = -0.1"),
         (VoteLoss, {"epsilon": 0.0}, "epsilon = 0.0"),
         (VoteLoss, {"object_share": 2.0}, "object_share = 2.0"),
     ],

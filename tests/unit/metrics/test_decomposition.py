@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scenefw.core.errors import InputError
-from scenefw.metrics.decomposition import adjusted_rand_index, decomposition_scores, set_overlaps
+from scenefw.metrics.decomposition import decomposition_scores, set_overlaps
 
 
 def random_sets(seed, predictions, objects, voxels=27):
@@ -100,19 +100,3 @@ def test_an_empty_scene_is_decomposed_perfectly_by_nothing():
 def test_volumes_of_other_grids_are_refused(two):
     with pytest.raises(InputError, match="on one grid"):
         set_overlaps(two, two[:, 1:])
-
-
-def test_the_rand_index_counts_pairs():
-    """Pairs that are together in both, beside those expected by chance; all pairs are tried."""
-    rng = np.random.default_rng(0)
-    for size in (2, 7, 15):
-        first, second = rng.integers(0, 3, (2, size))
-        pairs = list(itertools.combinations(range(size), 2))
-        a = np.array([first[i] == first[j] for i, j in pairs])
-        b = np.array([second[i] == second[j] for i, j in pairs])
-        chance = a.sum() * b.sum() / len(pairs)
-        most = (a.sum() + b.sum()) / 2
-        expected = ((a & b).sum() - chance) / (most - chance) if most > chance else 1.0
-        assert adjusted_rand_index(first, second) == pytest.approx(expected)
-    assert adjusted_rand_index(np.array([3, 3, 1]), np.array([0, 0, 9])) == 1.0
-    assert adjusted_rand_index(np.zeros(0, int), np.zeros(0, int)) == 1.0

@@ -6,12 +6,7 @@ from hypothesis.extra import numpy as arrays
 
 from scenefw.core.errors import InputError
 from scenefw.metrics.sampling import SurfacePoints
-from scenefw.metrics.surface import (
-    chamfer,
-    f_score,
-    nearest,
-    normal_consistency,
-)
+from scenefw.metrics.surface import chamfer, f_score, nearest, normal_consistency
 
 
 def expected_floor(area, count):

@@ -7,12 +7,7 @@ from hypothesis import strategies as st
 
 from scenefw.core.batches import CameraBatch
 from scenefw.core.errors import ConfigError
-from scenefw.models.part_affinity import (
-    CHANNELS,
-    PartAffinity,
-    colour_features,
-    pixel_features,
-)
+from scenefw.models.part_affinity import CHANNELS, PartAffinity, colour_features, pixel_features
 
 
 def camera_down(width, height, turn=0.0, far=0.0):

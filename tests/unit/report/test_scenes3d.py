@@ -10,14 +10,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from scenefw.core.types import (
-    Camera,
-    Frame,
-    GridSpec,
-    Obstacle,
-    SceneEstimate,
-    TriangleMesh,
-)
+from scenefw.core.types import Camera, Frame, GridSpec, Obstacle, SceneEstimate, TriangleMesh
 from scenefw.perception.estimate.objects import estimate_objects
 from scenefw.report.blocks import Section
 from scenefw.report.page import Page, write_scene_page

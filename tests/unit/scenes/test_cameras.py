@@ -83,7 +83,7 @@ def test_a_pose_depends_on_its_own_stream_alone():
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"width": 0}, "image 0 x 480"),
+        ({"width": 0}, "width = 0"),
         ({"heights": (1.0, 0.1)}, "heights"),
         ({"radius": -1}, "radius"),
         ({"closest": 2.0}, "closest"),

@@ -111,7 +111,7 @@ def test_classes_are_drawn_by_weight():
     ("changed", "said"),
     [
         ({"scenes": (1, 2)}, "a number for each of train, validation, test"),
-        ({"minimum": 5, "maximum": 4}, "minimum <= maximum"),
+        ({"minimum": 5, "maximum": 4}, "maximum = 4: expected 5 or more"),
         ({"border": 0.6}, "leaves no room"),
         ({"placed": (0, 0, 0)}, "three shares"),
         ({"steepest": 80}, "steepest = 80"),

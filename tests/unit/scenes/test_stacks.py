@@ -132,9 +132,16 @@ def test_a_creeping_scene_is_given_up():
     assert source.generate(0, 0) is None
 
 
-@pytest.mark.parametrize("wrong", [{"minimum": 5}, {"minimum": 0}, {"upper": (0.25, 0.25, -1)}])
-def test_bad_settings(wrong):
-    with pytest.raises(ConfigError, match=r"scene\."):
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"minimum": 5}, "maximum = .*: expected 5 or more"),
+        ({"minimum": 0}, "minimum = 0"),
+        ({"upper": (0.25, 0.25, -1)}, r"scene\.upper"),
+    ],
+)
+def test_bad_settings(wrong, said):
+    with pytest.raises(ConfigError, match=said):
         generator(**wrong)
 
 

@@ -105,7 +105,7 @@ def test_an_empty_table():
     ("changed", "said"),
     [
         ({"scenes": (1, 2)}, "a number for each of"),
-        ({"minimum": 5, "maximum": 4}, "minimum <= maximum"),
+        ({"minimum": 5, "maximum": 4}, "maximum = 4: expected 5 or more"),
         ({"border": 0.6}, "leave no room"),
     ],
 )

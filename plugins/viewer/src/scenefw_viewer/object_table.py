@@ -6,7 +6,7 @@ import html
 from typing import TYPE_CHECKING
 
 from scenefw.perception.physics.support_graph import FLOOR
-from scenefw.report import layers
+from scenefw.report import sizes
 from scenefw.report.palette import instance_colours
 
 if TYPE_CHECKING:
@@ -46,8 +46,8 @@ def _row(edits: Edits, label: int, supports: SupportGraph) -> str:
     square = f"<td style='color:rgb({red},{green},{blue})'>&#9632;</td>"
     cells = (
         str(label),
-        layers.size(item),
-        f"{1000 * layers.volume(item.mesh):.2f} l",
+        sizes.size(item),
+        f"{1000 * sizes.volume(item.mesh):.2f} l",
         "removed" if is_removed else f"{item.confidence:.0%}",
         ", ".join("floor" if below == FLOOR else str(below) for below in supports.stands_on[label]),
     )

@@ -8,15 +8,15 @@ import numpy as np
 
 from scenefw.core.geometry import inverse, rotation_from_quaternion, transform_points
 from scenefw.core.types import Pose
-from scenefw.report import layers
 from scenefw.report.palette import instance_colours
+from scenefw_viewer import layers
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from scenefw.core.types import Float64, ObjectEstimate, TriangleMesh
-    from scenefw.report.layers import Prediction
     from scenefw_viewer.edits import Edits
+    from scenefw_viewer.layers import Prediction
 
 LAYERS = (
     "points",

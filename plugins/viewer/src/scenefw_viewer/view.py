@@ -12,8 +12,8 @@ from scenefw.core.files import require_writable
 from scenefw.data.files.camera_pose import camera_pose_of
 from scenefw.export.scene_files import GLB, Summary
 from scenefw.perception.estimate.base_frame import with_camera_in_base
-from scenefw.report.layers import Prediction
 from scenefw.tasks.depth_images import DepthImages
+from scenefw_viewer.layers import Prediction
 from scenefw_viewer.server import (
     announce,
     close_server,

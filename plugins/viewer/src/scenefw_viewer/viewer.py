@@ -13,8 +13,8 @@ from scenefw.core.errors import ConfigError, SceneFWError
 from scenefw.perception.estimate.base_frame import in_base
 from scenefw.perception.physics.support_graph import support_graph
 from scenefw.perception.ranking.next_view import next_views, views_around
-from scenefw.report import layers
 from scenefw.report.palette import instance_colours
+from scenefw_viewer import layers
 from scenefw_viewer.edits import Edits
 from scenefw_viewer.object_table import object_table
 from scenefw_viewer.stage import Stage
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from scenefw.core.protocols import SceneFormat, Settling
     from scenefw.core.types import Float64, SceneEstimate
     from scenefw.perception.physics.support_graph import SupportGraph
-    from scenefw.report.layers import Prediction
     from scenefw.report.palette import Colour
+    from scenefw_viewer.layers import Prediction
 
 _NOTHING = "none"
 _VIEW_ANGLE = 0.7  # rad

@@ -7,8 +7,8 @@ import torch
 from torch import Tensor
 
 from scenefw.core.batches import SceneParameters
-from scenefw.core.errors import ConfigError
 from scenefw.core.rng import Streams
+from scenefw.core.settings import NOT_NEGATIVE
 from scenefw.core.types import Float64
 
 
@@ -21,11 +21,7 @@ class RigidAugmentation:
     """
 
     def __init__(self, rotation: float = math.pi, shift: float = 0.03) -> None:
-        if rotation < 0 or shift < 0:
-            raise ConfigError(
-                f"augmentation has rotation = {rotation} and shift = {shift}; expected both >= 0 "
-                "(radians, metres)"
-            )
+        NOT_NEGATIVE.require(rotation=rotation, shift=shift)
         self.rotation = rotation
         self.shift = shift
 

@@ -21,15 +21,10 @@ class ObjectSetViews(SceneBatches):
     """Makes views of the scenes of two splits and says which voxel is whose (group `dataset`).
 
     No volume is ever stored. View and motion of scene i in epoch e depend on (seed, e, i) alone.
+    Further arguments are those of `SceneBatches`.
 
     Args:
         views: moves scenes and makes a view of each.
-        path: the `.npz` of a data set, the name of a shipped one, or several.
-        limit: at most this many training scenes; None means all.
-        validation_limit: at most this many validation scenes; None means all.
-        batch_size: scenes per step.
-        seed: seed of the order of scenes, and of views.
-        distinct_batches: train on this many batches again and again, views and all; None means all.
     """
 
     def __init__(

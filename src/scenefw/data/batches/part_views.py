@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -44,18 +45,13 @@ class PartViews(SceneBatches):
     their TSDF, as images of evaluations are, and have its rounded edges. In part of the exact ones
     objects are cups, or have a second piece, and in part the floor is a table that ends. The pose
     that goes with an image is a little off, as one found by RANSAC is. Camera, size, changes and
-    noise of scene i in epoch e depend on (seed, e, i) alone.
+    noise of scene i in epoch e depend on (seed, e, i) alone. Further arguments are those of
+    `SceneBatches`.
 
     Args:
         viewpoints: draws cameras.
         renderer: makes images of TSDFs.
         grid: of these TSDFs.
-        path: the `.npz` of a data set, the name of a shipped one, or several.
-        limit: at most this many training scenes; None means all.
-        validation_limit: at most this many validation scenes; None means all.
-        batch_size: scenes per step.
-        seed: seed of the order of scenes, and of views.
-        distinct_batches: train on this many batches again and again, views and all; None means all.
         image_size: width and height (pixels).
         noise: disturbs the images, applied in the order of the names.
         traced: share of the images that are traced through TSDFs.
@@ -142,10 +138,9 @@ class PartViews(SceneBatches):
         ]
         intrinsics, poses, factors, seeds, motions = to_device(arrays, scenes.positions.device)
         cameras = CameraBatch(*self.image_size, intrinsics, poses)
-        scenes = SceneParameters(
-            scenes.half_axes * factors, scenes.exponents, scenes.rotations,
-            scenes.positions * factors, scenes.present,
-        )  # fmt: skip
+        scenes = replace(
+            scenes, half_axes=scenes.half_axes * factors, positions=scenes.positions * factors
+        )
         traced = chances[:, 1] < self.traced
         changed = ~traced & (chances[:, 2] < self.compound)
         depth, owners = self._exact(scenes, cameras, changed, to_change)
@@ -171,9 +166,7 @@ class PartViews(SceneBatches):
         if not len(rows):
             return exact, owners
         subset = SceneParameters(*(getattr(scenes, name)[rows] for name in vars(scenes)))
-        rendering = self._trace(subset, CameraBatch(cameras.width, cameras.height,
-                                                    cameras.intrinsics[rows],
-                                                    cameras.T_world_camera[rows]))  # fmt: skip
+        rendering = self._trace(subset, cameras.of(rows))
         same_surface = (rendering[0] - exact[rows]).abs() < _SAME
         whose = torch.where(same_surface, owners[rows], rendering[1])
         return exact.index_copy(0, rows, rendering[0]), owners.index_copy(0, rows, whose)

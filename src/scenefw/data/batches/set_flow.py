@@ -39,16 +39,11 @@ class SetFlowViews(SceneBatches):
     """Views of superquadrics of two splits, as points of what is seen of each (group `dataset`).
 
     Objects meet rays directly: no volume and no image is kept. Camera, size and noise of scene i in
-    epoch e depend on (seed, e, i) alone.
+    epoch e depend on (seed, e, i) alone. Further arguments are those of
+    `SceneBatches`.
 
     Args:
         viewpoints: draws cameras.
-        path: the `.npz` of a data set, the name of a shipped one, or several.
-        limit: at most this many training scenes; None means all.
-        validation_limit: at most this many validation scenes; None means all.
-        batch_size: scenes per step.
-        seed: seed of the order of scenes, and of views.
-        distinct_batches: train on this many batches again and again, views and all; None means all.
         image_size: width and height (pixels) of the images that say what is seen.
         points: of each object, drawn from its pixels.
         ends: of the image of each object, drawn from the pixels beside which something else is.

@@ -27,17 +27,11 @@ class StackData(SceneBatches):
     """Makes views of the scenes of two splits and their volumes (group `dataset`).
 
     No volume is ever stored. View and motion of scene i in epoch e depend on (seed, e, i) alone.
+    Further arguments are those of `SceneBatches`.
 
     Args:
         views: moves scenes and makes a view of each.
         representations: volumes that the network learns to give, by name; None: tsdf and votes.
-        path: the `.npz` of a data set, the name of a shipped one (stacks, scattered), or several;
-            None means the shipped stacks.
-        limit: at most this many training scenes; None means all.
-        validation_limit: at most this many validation scenes; None means all.
-        batch_size: scenes per step.
-        seed: seed of the order of scenes, and of views.
-        distinct_batches: train on this many batches again and again, views and all; None means all.
         counts: numbers of views, of which one is drawn for each training scene; more than one are
             fused. Validation scenes are seen once.
 

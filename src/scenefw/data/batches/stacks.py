@@ -21,6 +21,7 @@ from scenefw.core.types import Pose, SceneObject
 from scenefw.kernels.transfer import to_device
 from scenefw.representations.volumes import require_solids
 from scenefw.scenes.splits import SPLITS
+from scenefw.scenes.storage import StoredScenes, load_scenes
 from scenefw.shapes.superquadric import Superquadric
 
 SHIPPED = {
@@ -35,7 +36,6 @@ SHIPPED = {
 }
 FINAL_PARTS = tuple(name for name in SHIPPED if name.endswith("_v2"))
 _LATEST = "_v2"  # what a name without a version means
-_SHAPES = {"half_axes": 3, "exponents": 3, "positions": 3, "quaternions": 4}
 
 
 class SceneSet(Protocol):
@@ -187,10 +187,7 @@ def _split(path: Path, split: str, limit: int | None) -> dict[str, np.ndarray]:
 def _join(sets: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
     """Joins data sets; scenes with fewer objects get empty slots."""
     slots = max(arrays["half_axes"].shape[1] for arrays in sets)
-    return {
-        name: np.concatenate([_padded(a[name], slots) for a in sets])
-        for name in (*_SHAPES, "masses", "count", "index")
-    }
+    return {name: np.concatenate([_padded(a[name], slots) for a in sets]) for name in sets[0]}
 
 
 def _padded(array: np.ndarray, slots: int) -> np.ndarray:
@@ -239,38 +236,17 @@ def _bytes(path: Path) -> bytes:
 
 
 def _read(path: Path) -> dict[str, np.ndarray]:
-    try:
-        with np.load(path, allow_pickle=False) as stored:
-            arrays = {name: stored[name] for name in stored.files}
-    except FileNotFoundError as error:
+    if not path.exists():
         raise StorageError(
             f"no data set at {path}; make one with `python -m scenefw run=generate` (those of the "
             "thesis's chapter 6 with experiment=thesis/scenes_of_six or "
             "thesis/scenes_of_four_to_eight), or leave dataset.path=null to use the shipped one "
             f"(also by name: {', '.join(SHIPPED)})"
-        ) from error
-    except Exception as error:  # numpy raises many kinds for damaged archives
-        raise StorageError(
-            f"the data set {path} cannot be read ({type(error).__name__}); generate it again"
-        ) from error
-    _require_arrays(arrays, path)
-    return arrays
-
-
-def _require_arrays(arrays: dict[str, np.ndarray], path: Path) -> None:
-    missing_names = {*_SHAPES, "masses", "count", "index", "split"} - arrays.keys()
-    if missing_names:
-        raise StorageError(
-            f"{path} lacks {', '.join(sorted(missing_names))}, so it is not a data set of stacks; "
-            "give an .npz made by `run=generate`"
         )
-    for name, width in _SHAPES.items():
-        array = arrays[name]
-        if array.ndim != 3 or array.shape[-1] != width or not np.isfinite(array).all():
-            raise StorageError(
-                f"{name} in {path} has shape {array.shape} or holds values that are not finite, "
-                f"expected (scenes, objects, {width}); generate the data set again"
-            )
+    stored = load_scenes(path)
+    if not isinstance(stored, StoredScenes):
+        raise StorageError(f"{path} holds no stacks of superquadrics; give one of scene=stacks")
+    return stored.arrays()
 
 
 def rows_of(splits: np.ndarray, split: str, limit: int | None, path: Path) -> np.ndarray:

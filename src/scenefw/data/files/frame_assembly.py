@@ -77,10 +77,9 @@ def assembled(content: Content, scale: float | None, file: str, name: str) -> Fr
             "aligned images of the same size"
         )
     if calibration.lens is not None:
-        images = [depth, *(image for image in (colour, labels) if image is not None)]
-        depth, *others = undistorted(calibration.lens, camera.matrix, images, file)
-        colour = None if colour is None else others.pop(0)
-        labels = None if labels is None else others.pop(0)
+        depth, colour, labels = undistorted(
+            calibration.lens, camera.matrix, [depth, colour, labels], file
+        )
         notes.append(
             f"the image was undistorted by its {calibration.lens.model} coefficients; if it is "
             "rectified already, set them to 0"

@@ -51,14 +51,23 @@ def save_map(path: Path | str, height_map: HeightMap, states: States | None = No
     content = _content(height_map)
     for name, state in (states or {}).items():
         content |= {f"{_PREFIX}{name}/{key}": np.asarray(value) for key, value in state.items()}
+    write_arrays(target, content)
+    return target
+
+
+def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """An .npz like numpy's, atomically, compressed less and so three times as fast.
+
+    Raises:
+        StorageError: the file can't be written.
+    """
     with (
-        replacing(target) as temporary,
+        replacing(path) as temporary,
         zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED, compresslevel=_COMPRESSION) as file,
     ):
-        for name, value in content.items():
+        for name, value in arrays.items():
             with file.open(f"{name}.npy", "w", force_zip64=True) as entry:
                 np.lib.format.write_array(entry, value, allow_pickle=False)
-    return target
 
 
 def is_map(path: Path | str) -> bool:

@@ -97,8 +97,8 @@ def lens_of(model: Any, coefficients: Any, name: str) -> Lens | None:
 
 
 def undistorted(
-    lens: Lens, matrix: Float64, images: Sequence[NDArray[Any]], name: str
-) -> list[NDArray[Any]]:
+    lens: Lens, matrix: Float64, images: Sequence[NDArray[Any] | None], name: str
+) -> list[Any]:
     """Images of a pinhole camera with the same intrinsics.
 
     Pixels take the nearest value, as between both sides of an edge of depth there is nothing;
@@ -107,13 +107,14 @@ def undistorted(
     Args:
         lens: of all images.
         matrix: (3, 3) intrinsics.
-        images: (H, W), the first one depth, or (H, W, 3) uint8; all of one size.
+        images: (H, W), the first one depth, or (H, W, 3) uint8; all of one size. None stays None.
         name: of the image, for messages.
 
     Raises:
         InputError: the lens is so strong that too little of the depth would remain.
     """
-    height, width = images[0].shape[:2]
+    depth = np.asarray(images[0])
+    height, width = depth.shape
     v, u = np.mgrid[:height, :width].astype(np.float64)
     x, y = (u - matrix[0, 2]) / matrix[0, 0], (v - matrix[1, 2]) / matrix[1, 1]
     radius = np.hypot(x, y)
@@ -126,8 +127,11 @@ def undistorted(
     )
     rows, columns = np.where(inside, rows, 0), np.where(inside, columns, 0)
     nearest = np.rint(rows).astype(np.intp), np.rint(columns).astype(np.intp)
-    _require_remaining(images[0], nearest, inside, name)
-    return [_sampled(image, rows, columns, nearest, inside) for image in images]
+    _require_remaining(depth, nearest, inside, name)
+    return [
+        None if image is None else _sampled(image, rows, columns, nearest, inside)
+        for image in images
+    ]
 
 
 def _sampled(

@@ -16,7 +16,7 @@ from scenefw.data.files import pictures
 from scenefw.data.files.exr import read_exr
 from scenefw.data.files.intrinsics import read_calibration
 from scenefw.data.files.layouts import Surroundings, colour_matrix
-from scenefw.data.files.lens import Lens, undistorted
+from scenefw.data.files.lens import undistorted
 from scenefw.data.files.pictures import DAMAGED_PICTURE
 from scenefw.data.files.readers import read_frame
 
@@ -85,21 +85,11 @@ class FrameFiles:
             labels[labels == IGNORED] = UNKNOWN
         lens = None if self.intrinsics is None else read_calibration(self.intrinsics).lens
         if lens is not None:
-            colour, labels = _undistorted(lens, frame, colour, labels)
+            _, colour, labels = undistorted(  # as `read_frame` has undistorted the depth
+                lens, frame.camera.matrix, [frame.depth, colour, labels], frame.name
+            )
         camera = frame.camera if entry.pose is None else frame.camera.moved(entry.pose)
         return replace(frame, camera=camera, colour=colour, labels=labels)
-
-
-def _undistorted(
-    lens: Lens, frame: Frame, colour: NDArray[np.uint8] | None, labels: NDArray[np.int32] | None
-) -> tuple[NDArray[np.uint8] | None, NDArray[np.int32] | None]:
-    """Colour and labels as `read_frame` has undistorted the depth."""
-    images = [image for image in (colour, labels) if image is not None]
-    _, *others = undistorted(lens, frame.camera.matrix, [frame.depth, *images], frame.name)
-    return (
-        None if colour is None else others.pop(0),
-        None if labels is None else others.pop(0),
-    )
 
 
 def _colour(

@@ -17,6 +17,7 @@ from scenefw.core.errors import ConfigError
 from scenefw.core.labelling_protocols import FrameSource
 from scenefw.core.protocols import Noise, PoseNoise
 from scenefw.core.rng import Streams
+from scenefw.core.settings import COUNT
 from scenefw.core.types import Float64, Frame
 from scenefw.data.tabletop.distances import HEIGHT, distance_images
 from scenefw.data.tabletop.light import ColourJitter
@@ -235,8 +236,7 @@ class RenderedViews:
         workers: int = -1,
         seed: int = 0,
     ) -> None:
-        if renew < 1:
-            raise ConfigError(f"renew = {renew}: expected 1 epoch or more")
+        COUNT.require(renew=renew)
         self.source, self.views, self.renew, self.seed = source, views, renew, seed
         self.classes = tuple(source.classes)
         self._scenes = ResidentScenes(source, workers)

@@ -23,6 +23,7 @@ from scenefw.core.final_split import FINAL, look
 from scenefw.core.geometry import look_at
 from scenefw.core.height_maps import HeightGrid, HeightMap
 from scenefw.core.labelling_protocols import TabletopRenderer, TabletopSource
+from scenefw.core.settings import COUNT
 from scenefw.core.tabletop import TabletopGeometry, TabletopScene
 from scenefw.core.types import Camera, Float64, Frame
 from scenefw.data.tabletop.view_cache import ViewCache, exact, key_of
@@ -187,5 +188,4 @@ def _require(
             f"heights = {list(heights)} m, angles = {list(angles)} degrees: expected each lowest "
             "first, heights above 0 and angles from 0 to below 80"
         )
-    if limit is not None and limit < 1:
-        raise ConfigError(f"limit = {limit}: expected 1 scene or more, or null for all")
+    COUNT.require(limit=limit)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
+from sklearn.metrics import adjusted_rand_score
 
 from scenefw.core import rng
 from scenefw.core.errors import ConfigError
@@ -23,11 +24,7 @@ from scenefw.evaluation.sets.results import (
 from scenefw.kernels.cameras import camera_of
 from scenefw.losses.set_bce import SetBinaryCrossEntropy
 from scenefw.matching.object_sets import matched_objects
-from scenefw.metrics.decomposition import (
-    adjusted_rand_index,
-    decomposition_scores,
-    found_objects,
-)
+from scenefw.metrics.decomposition import decomposition_scores, found_objects
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -161,7 +158,7 @@ class DecompositionEvaluation:
         occupied, mine = instances > 0, decomposition.objects.any(axis=0)
         scores = {
             "object_iou": set_scores.object_iou,
-            "ari": adjusted_rand_index(decomposition.labels[occupied], instances[occupied]),
+            "ari": adjusted_rand_score(decomposition.labels[occupied], instances[occupied]),
             "missing_or_joined": max(wrong["missing"], wrong["joined"]),
             "duplicate_or_split": max(wrong["duplicate"], wrong["split"]),
             **wrong,

@@ -11,7 +11,7 @@ import torch
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.object_sets import ObjectSetPrediction
-from scenefw.core.settings import NOT_NEGATIVE, PART
+from scenefw.core.settings import NOT_NEGATIVE, PART, PROBABILITY
 from scenefw.perception.completion.suppression import chosen_objects
 
 if TYPE_CHECKING:
@@ -138,13 +138,10 @@ class Components:
         extractor: of instances of a shape without votes.
     """
 
+    grid = None  # it takes any
+
     def __init__(self, extractor: InstanceExtractor) -> None:
         self.extractor = extractor
-
-    @property
-    def grid(self) -> None:
-        """It takes any."""
-        return None
 
     def decompose(self, scene: SeenSet) -> FoundSet:
         """The parts of one scene."""
@@ -188,13 +185,10 @@ class DecomposedVolume:
         method: takes it apart.
     """
 
+    grid = None  # it takes any
+
     def __init__(self, method: CompleteScene) -> None:
         self.method = method
-
-    @property
-    def grid(self) -> None:
-        """It takes any."""
-        return None
 
     def decompose(self, scene: SeenSet) -> FoundSet:
         """The objects of one scene."""
@@ -213,15 +207,11 @@ class Nothing:
         ConfigError: the share is not within (0, 1).
     """
 
-    def __init__(self, share: float = 0.002, slots: int = 8) -> None:
-        if not 0 < share < 1:
-            raise ConfigError(f"the share of occupied voxels is {share}; expected one in (0, 1)")
-        self.logit, self.slots = math.log(share / (1 - share)), slots
+    grid = None  # it takes any
 
-    @property
-    def grid(self) -> None:
-        """It takes any."""
-        return None
+    def __init__(self, share: float = 0.002, slots: int = 8) -> None:
+        PROBABILITY.require(share=share)
+        self.logit, self.slots = math.log(share / (1 - share)), slots
 
     def decompose(self, scene: SeenSet) -> FoundSet:
         """An empty set."""

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
-from scenefw.core.errors import ConfigError
 from scenefw.core.protocols import Reconstructor
+from scenefw.core.settings import COUNT
 from scenefw.core.types import Float64, GridSpec, Int32
 from scenefw.data.batches.stacks import StackScenes
 from scenefw.evaluation.stacks.training_mean import TrainingMean
@@ -103,8 +103,7 @@ class DrawScoring:
         count: int = 10,
         scenes: int = 30,
     ) -> None:
-        if count < 1 or scenes < 1:
-            raise ConfigError(f"{count} draws of {scenes} scenes; expected at least 1 of each")
+        COUNT.require(count=count, scenes=scenes)
         self.mean, self.calibration = mean, calibration
         self.methods = {
             name: method for name, method in (methods or {}).items() if method is not None

@@ -21,6 +21,7 @@ from scenefw.core.protocols import (
     Track,
     Workers,
 )
+from scenefw.core.settings import COUNT
 from scenefw.core.types import Camera, Float64, GridSpec
 from scenefw.data.batches.stacks import SceneSet
 from scenefw.data.batches.views import ViewBatch, ViewMaker, Viewpoints
@@ -113,16 +114,12 @@ class ReconstructionEvaluation:
     ) -> None:
         published_of(published)
         self.published, self.kept = published, kept
-        if workers is not None and workers < 1:
-            raise ConfigError(f"workers is {workers}; expected at least 1, or null")
+        COUNT.require(workers=workers, views=views, samples=samples)
         self.workers = workers_on(device, workers)
         self.parallel = parallel
         self.methods = {name: method for name, method in methods.items() if method is not None}
-        if not self.methods or views < 1 or samples < 1:
-            raise ConfigError(
-                f"evaluation needs methods, views and samples, got {len(self.methods)}, {views} "
-                f"and {samples}; expected at least 1 of each"
-            )
+        if not self.methods:
+            raise ConfigError("no method to evaluate; leave one of evaluation.methods in")
         self.scenes = scenes
         self.extractors = {
             name: extractor

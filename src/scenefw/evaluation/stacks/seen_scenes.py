@@ -89,6 +89,7 @@ class SeenScene:
         return sample_surface(self.surfaces.visible, VISIBLE_POINTS, self.points).points
 
 
+@dataclass(eq=False)
 class SceneViews:
     """Makes views of scenes.
 
@@ -99,15 +100,10 @@ class SceneViews:
         device: where volumes and views are computed.
     """
 
-    def __init__(
-        self,
-        makers: Mapping[GridSpec, ViewMaker],
-        visible: VisibleSurface,
-        seed: int = 0,
-        device: str = "cpu",
-    ) -> None:
-        self.makers, self.visible = makers, visible
-        self.seed, self.device = seed, device
+    makers: Mapping[GridSpec, ViewMaker]
+    visible: VisibleSurface
+    seed: int = 0
+    device: str = "cpu"
 
     def see(self, scenes: SceneSet, row: int, view: int, streams: Streams) -> SeenScene:
         """One view of one scene of a split."""

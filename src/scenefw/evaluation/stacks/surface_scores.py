@@ -51,6 +51,7 @@ class TruePoints:
     floors: dict[str, float]
 
 
+@dataclass(eq=False)
 class SurfaceScoring:
     """Chamfer distances from few points, as in the thesis, and measures from many.
 
@@ -61,17 +62,10 @@ class SurfaceScoring:
         absent: distance that counts where a method shows no surface at all (m).
     """
 
-    def __init__(
-        self,
-        points: int = 1000,
-        dense_points: int = 30000,
-        threshold: float = 0.01,
-        absent: float = 1.0,
-    ) -> None:
-        self.points = points
-        self.dense_points = dense_points
-        self.threshold = threshold
-        self.absent = absent
+    points: int = 1000
+    dense_points: int = 30000
+    threshold: float = 0.01
+    absent: float = 1.0
 
     @property
     def f_score_name(self) -> str:

@@ -3,7 +3,7 @@
 import signal
 import sys
 import threading
-from types import FrameType, TracebackType
+from types import FrameType
 from typing import Any, Self
 
 import lightning
@@ -30,12 +30,7 @@ class Interruption(lightning.Callback):
         self._before = {number: signal.getsignal(number) for number in _SIGNALS}
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         for number, handler in self._before.items():
             if self._in_main:
                 signal.signal(number, signal.SIG_DFL if handler is None else handler)

@@ -11,11 +11,11 @@ from contextlib import contextmanager
 from multiprocessing import connection
 from typing import Any
 
-import numba
 import torch
 from lightning.fabric.plugins.environments.lightning import find_free_network_port
 
 from scenefw.core.errors import ConfigError, SceneFWError, TrainingError
+from scenefw.parallel.threads import threads
 
 _RANK = "LOCAL_RANK"
 _GRACE = 20.0  # seconds in which this process should notice by itself that another one failed
@@ -46,11 +46,11 @@ def processes(count: int, work: Callable[[], Any]) -> Iterator[None]:
         "WORLD_SIZE": str(count),
         "NODE_RANK": "0",
     }
-    threads = max(torch.get_num_threads() // count, 1)
+    count_each = max(torch.get_num_threads() // count, 1)  # thread pools must not multiply
     packed = _packed(work)
-    with _variables({**common, _RANK: "0"}), _threads(threads):
+    with _variables({**common, _RANK: "0"}), threads(count_each):
         workers = Workers(
-            [_start({**common, _RANK: str(n)}, threads, packed) for n in range(1, count)]
+            [_start({**common, _RANK: str(n)}, count_each, packed) for n in range(1, count)]
         )
         try:
             yield
@@ -150,23 +150,23 @@ def _packed(work: Callable[[], Any]) -> bytes:
         ) from error
 
 
-def _start(variables: Mapping[str, str], threads: int, packed: bytes) -> tuple[Any, Any]:
+def _start(variables: Mapping[str, str], count: int, packed: bytes) -> tuple[Any, Any]:
     context = multiprocessing.get_context("spawn")
     reader, writer = context.Pipe(duplex=False)
-    process = context.Process(target=_run, args=(dict(variables), threads, writer, packed))
+    process = context.Process(target=_run, args=(dict(variables), count, writer, packed))
     process.start()
     writer.close()
     return process, reader
 
 
-def _run(variables: Mapping[str, str], threads: int, pipe: Any, packed: bytes) -> None:
+def _run(variables: Mapping[str, str], count: int, pipe: Any, packed: bytes) -> None:
     """The work of another process."""
     os.environ.update(variables)
     threading.Thread(target=_end_with_parent, args=(os.getppid(),), daemon=True).start()
     with open(os.devnull, "w") as nowhere:  # noqa: PTH123 - a device
         sys.stdout = sys.stderr = nowhere
         try:
-            with _threads(threads):
+            with threads(count):
                 pickle.loads(packed)()
         except BaseException as error:  # noqa: BLE001 - whatever it is, the first process tells
             words = " ".join(str(error).split())[:500]
@@ -193,16 +193,3 @@ def _variables(values: Mapping[str, str]) -> Iterator[None]:
             os.environ.pop(name, None)  # torch's own end may have removed it
             if value is not None:
                 os.environ[name] = value
-
-
-@contextmanager
-def _threads(count: int) -> Iterator[None]:
-    """Processes share the cores: their thread pools must not multiply."""
-    before = torch.get_num_threads(), numba.get_num_threads()
-    torch.set_num_threads(count)
-    numba.set_num_threads(min(count, before[1]))
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before[0])
-        numba.set_num_threads(before[1])

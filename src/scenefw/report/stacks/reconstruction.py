@@ -120,11 +120,14 @@ def as_thesis(result: ReconstructionResult) -> Table:
         for column in (measured.column(measure), Column("σ", measure.digits + 1))
     ]
     rows = [
-        (described(method).row, _means_and_sigmas(result, method))
+        (described(method).row, _means_and_sigmas(result, method, _AS_THESIS))
         for method in result.methods
         if "occupancy_bce" in result.names(method)
     ]
-    rows.append(("floor: truth sampled twice", _floors(result)))
+    floors = [f"{name}_floor" for name in _AS_THESIS]
+    rows.append(
+        ("floor: truth sampled twice", _means_and_sigmas(result, result.methods[0], floors))
+    )
     reference = published.published_of(result.published)
     theirs = [(f"{name} (thesis)", _published(f)) for name, f in reference.figures.items()]
     quoted = frozenset({"floor: truth sampled twice", *(name for name, _ in theirs)})
@@ -146,21 +149,13 @@ def sizes(result: ReconstructionResult) -> str:
     )
 
 
-def _means_and_sigmas(result: ReconstructionResult, method: str) -> tuple[Cell, ...]:
+def _means_and_sigmas(
+    result: ReconstructionResult, method: str, names: Sequence[str]
+) -> tuple[Cell, ...]:
     cells: list[Cell] = []
-    for name in _AS_THESIS:
+    for name in names:
         is_available = name in result.names(method)
         summary = result.summary(method, name) if is_available else None
-        cells += [summary.mean, summary.sigma] if summary else [None, None]
-    return tuple(cells)
-
-
-def _floors(result: ReconstructionResult) -> tuple[Cell, ...]:
-    main = result.methods[0]
-    cells: list[Cell] = []
-    for name in _AS_THESIS:
-        is_available = f"{name}_floor" in result.names(main)
-        summary = result.summary(main, f"{name}_floor") if is_available else None
         cells += [summary.mean, summary.sigma] if summary else [None, None]
     return tuple(cells)
 

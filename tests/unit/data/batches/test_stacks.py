@@ -84,7 +84,7 @@ def test_missing_file_names_the_way_out(tmp_path):
 def test_truncated_file_is_one_line(stored, keep):
     path, _ = stored
     path.write_bytes(path.read_bytes()[:keep])
-    with pytest.raises(StorageError, match="cannot be read") as caught:
+    with pytest.raises(StorageError, match="damaged") as caught:
         StackScenes(path)
     assert "\n" not in str(caught.value)
 

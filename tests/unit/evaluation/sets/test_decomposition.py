@@ -212,7 +212,7 @@ def test_mistakes_are_one_line(tmp_path):
         evaluation(tmp_path, {"truth": Truth()}, published="table")
     with pytest.raises(ConfigError, match="suppress = 0"):
         NetworkDecomposer(Checkpoint(SetAutoencoder(16, 3, **SMALL)), suppress=0)
-    with pytest.raises(ConfigError, match="share of occupied voxels is 0"):
+    with pytest.raises(ConfigError, match="share = 0"):
         Nothing(0)
 
 

@@ -187,7 +187,7 @@ def test_bounds_hold_their_mean(result):
 
 
 def test_bad_numbers_are_named():
-    with pytest.raises(ConfigError, match="0 draws"):
+    with pytest.raises(ConfigError, match="count = 0"):
         scoring(count=0)
 
 

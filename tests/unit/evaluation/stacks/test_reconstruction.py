@@ -199,7 +199,7 @@ def test_bad_settings_are_named():
     scenes = StackScenes(split="test", limit=1)
     with pytest.raises(ConfigError, match="grid"):
         evaluation({"nothing": Nothing()}, scenes)
-    with pytest.raises(ConfigError, match="methods"):
+    with pytest.raises(ConfigError, match=r"evaluation\.methods"):
         evaluation({}, scenes, grid=GridSpec())
     with pytest.raises(ConfigError, match="workers"):
         evaluation({"nothing": Nothing()}, scenes, grid=GridSpec(), workers=0)

@@ -10,8 +10,8 @@ import numpy as np
 from scenefw.core.geometry import quaternion_from_rotation
 from scenefw.perception.observation.points import world_points
 from scenefw.report.palette import instance_colours
+from scenefw.report.sizes import volume
 from scenefw.report.window import vertices
-from scenefw.shapes.moments import moments
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
         GridSpec,
         ObjectEstimate,
         SceneEstimate,
-        TriangleMesh,
     )
 
     Bytes = NDArray[np.uint8]
@@ -128,16 +127,6 @@ def slice_volume(distance: Float32, grid: GridSpec, axis: int, place: float) -> 
 def caption(item: ObjectEstimate) -> str:
     """Number and volume of an object."""
     return f"{item.id}: {1000 * volume(item.mesh):.2f} l"
-
-
-def size(item: ObjectEstimate) -> str:
-    """Extents of an object in centimetres."""
-    return " × ".join(f"{100 * side:.0f}" for side in item.extents) + " cm"
-
-
-def volume(mesh: TriangleMesh) -> float:
-    """What a mesh holds (m^3)."""
-    return abs(moments(mesh).volume)
 
 
 def start(scene: SceneEstimate) -> tuple[Float64, Float64]:
