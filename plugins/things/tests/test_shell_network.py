@@ -61,6 +61,9 @@ def test_samples_come_code_after_code_and_zero_is_the_best_guess():
     torch.testing.assert_close(said.depths[:COUNT], guess.depths)
     torch.testing.assert_close(said.amodal[:COUNT], guess.amodal)
     assert not torch.allclose(said.depths[COUNT:], guess.depths)
+    changes = said.amodal[COUNT:] - guess.amodal
+    block = changes.unfold(1, 2, 2).unfold(2, 2, 2).flatten(3)
+    torch.testing.assert_close(block, block.mean(dim=3, keepdim=True).expand_as(block))
 
 
 @torch.no_grad()

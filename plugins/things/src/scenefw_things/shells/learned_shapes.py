@@ -33,7 +33,8 @@ class LearnedShapes:
 
     What is visible stays within the noise of the sensor, and nothing lies before what was measured
     or below the floor. The first hypothesis is the network's best guess, others follow codes that
-    are drawn for all objects. An object of which too little is visible has no shell.
+    are drawn for all objects; which rays pass a hollow, the best guess says in all of them. An
+    object of which too little is visible has no shell.
 
     Args:
         checkpoint: of a network of shells.
@@ -111,14 +112,14 @@ def _shell(
     """A predicted shell, as far as the view allows it.
 
     Args:
-        prediction: of the crops, hypothesis after hypothesis.
+        prediction: of the crops, hypothesis after hypothesis, the best guesses first.
         number: of the shell in it.
         crops: of the objects.
         row: the object's.
         view: says how noisy depth is.
     """
     amodal = (prediction.amodal[number] > 0).cpu().numpy()
-    hollow = (prediction.hollow[number] > 0).cpu().numpy()
+    hollow = (prediction.hollow[row] > 0).cpu().numpy()  # drawn ones are thin skins of solids
     depths = prediction.depths[number].double().cpu().numpy()
     measured = crops.depth[row].double().cpu().numpy()
     visible = crops.visible[row].cpu().numpy()
@@ -127,5 +128,8 @@ def _shell(
     reach = _SIGMAS * view.noise.at(measured)
     latest = np.where(visible, measured + reach, np.inf)
     depths[ENTRY] = depths[ENTRY].clip(measured - reach, latest)
+    camera = camera_of(crops.cameras, row)
+    thinnest = depths[ENTRY] + measured / camera.fx  # a pixel: what is visible has some thickness
+    depths[EXIT] = np.where(visible, np.maximum(depths[EXIT], thinnest), depths[EXIT])
     amodal &= depths[EXIT] > depths[ENTRY]
-    return ObjectShell(camera_of(crops.cameras, row), amodal, hollow & amodal, depths)
+    return ObjectShell(camera, amodal, hollow & amodal, depths)

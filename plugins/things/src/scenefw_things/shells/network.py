@@ -39,7 +39,8 @@ class ObjectShells(nn.Module):
     count from the object's visible median, in widths of the crop. The visible entry is the measured
     depth, corrected. What a view leaves open follows a code: 0 gives one best guess, codes drawn
     from N(0, I) give joint hypotheses of the whole object. Two by two pixels are one on the way in
-    and out, which takes a quarter of the time.
+    and out, which takes a quarter of the time; codes change all four alike, as each by itself would
+    make combs of smooth surfaces.
 
     Args:
         widths: channels of the levels; each has half the size of the one before it.
@@ -102,7 +103,7 @@ class ObjectShells(nn.Module):
 
         Args:
             crops: of N objects.
-            codes: (S, N, latent_size), drawn from N(0, I); 0 is the network's best guess.
+            codes: (S, N, latent_size), drawn from N(0, I), but the first: 0, the best guess.
         """
         rows = torch.arange(len(crops.depth), device=codes.device).repeat(len(codes))
         return self._decoded(self._encoded(crops), crops, rows, codes.flatten(0, 1))
@@ -119,13 +120,17 @@ class ObjectShells(nn.Module):
     def _decoded(
         self, features: list[Tensor], crops: ObjectCrops, rows: Tensor, codes: Tensor
     ) -> ShellPrediction:
-        """Shells of some of the crops, each with a code (M, latent_size)."""
+        """Shells of some of the crops, each with a code (M, latent_size); 0 and all crops first."""
         layers = iter(self.code)
         values = _modulated(features[-1][rows], next(layers)(codes))
         for level, fine in zip(self.up, features[-2::-1], strict=True):
             larger = functional.interpolate(values, scale_factor=2.0)
             values = _modulated(level(torch.cat([larger, fine[rows]], 1)), next(layers)(codes))
-        return _shells(functional.pixel_shuffle(self.head(values).float(), 2), crops, rows)
+        outputs = self.head(values).float()
+        best = outputs[: len(crops.depth)][rows]
+        changes = (outputs - best).unflatten(1, (_OUTPUTS, 4)).mean(dim=2, keepdim=True)
+        outputs = best + changes.expand(-1, -1, 4, -1, -1).flatten(1, 2)
+        return _shells(functional.pixel_shuffle(outputs, 2), crops, rows)
 
 
 def _code_layer(latent_size: int, width: int) -> nn.Linear:

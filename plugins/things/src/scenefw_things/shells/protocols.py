@@ -79,5 +79,5 @@ class ObjectShellModel(Network, Protocol):
 
         Args:
             crops: of N objects.
-            codes: (S, N, latent_size), drawn from N(0, I); 0 is the network's best guess.
+            codes: (S, N, latent_size), drawn from N(0, I), but the first: 0, the best guess.
         """
