@@ -113,11 +113,11 @@ class Predictor:
         """
         from scenefw.api.load import loaders
 
-        made = loaders().get("tracking")
-        if made is None:
+        source = loaders().get("tracking")
+        if source is None:
             raise ConfigError(
                 "track() needs the plugin tracking, which is missing; install scenefw with its "
                 "plugins"
             )
-        tracking: Tracking = made(self.pipeline, self._computing)
+        tracking: Tracking = source(self.pipeline, self._computing)
         return tracking
