@@ -195,7 +195,8 @@ def test_things_are_scored_with_noise_of_each_sensor(scenefw, tmp_path):
     words = ("experiment=household", "debug=smoke", "split=val", "input=meshes", "paths.output=out")
     sensors = ("kinect", "stereo_ramps", "time_of_flight", "phone_lidar", "none")
     one_is_enough = (f"~evaluation.strata.many.{sensor}" for sensor in sensors[1:])
-    done = scenefw(*words, *one_is_enough)  # bodies of many things take CoACD a minute a view
+    quick = ("evaluation.bodies.parts.convex=0.0", "evaluation.steps=100")  # CoACD takes a minute
+    done = scenefw(*words, *one_is_enough, *quick)
     assert done.returncode == 0, done.stderr[-3000:]
     figures = json.loads((tmp_path / "out" / "metrics.json").read_text())
     for group, most in ({f"few/{sensor}": 4 for sensor in sensors} | {"many/kinect": 16}).items():
