@@ -1,5 +1,6 @@
 """Values of a wrong kind are found before the work, and the line names what the user has set."""
 
+import functools
 import re
 import sys
 from types import ModuleType
@@ -198,6 +199,10 @@ def test_each_of_several_parts_is_looked_at():
 )
 def test_the_settings_of_a_part_are_named_where_they_can_be_typed(words, place):
     overrides = words.split()
-    options = {group: sorted(names) for group, names in registry.catalogue().items()}
     with pytest.raises(ConfigError, match=rf"give its settings as {re.escape(place)}\.NAME="):
-        require_types(config.compose(overrides), "run", overrides, options)
+        require_types(config.compose(overrides), "run", overrides, options())
+
+
+@functools.cache
+def options():
+    return {group: sorted(names) for group, names in registry.catalogue().items()}

@@ -28,6 +28,7 @@ MADE_DATA = {
     for name in registry.names("experiment")
     if name.startswith("thesis/") and "set" in name
 }
+NARROW = "model.widths=[8,8,8,8,8]"  # of networks of images, which `debug=smoke` leaves as they are
 # Settings of two runs, for experiments whose sweeps are gathered below
 SWEEPS = {
     "noise_map": ("noise.gaussian.sigma=0.0", "size.frames=1", "noise.pose.sigma=0.0,0.01"),
@@ -67,8 +68,10 @@ def test_experiment_runs(scenefw, sweep, tmp_path, name):
     else:
         out = tmp_path / "out"
         own = [MADE_DATA[name]] if name in MADE_DATA else []
+        if name == "part_affinity":
+            own = [NARROW]
         if name == "part_images":
-            own = [f"paths.images={write_images(tmp_path / 'images')}"]
+            own = [NARROW, f"paths.images={write_images(tmp_path / 'images')}"]
         if name == "object_shells":
             own = [f"paths.images={write_things(tmp_path)}"]
         done = scenefw(f"experiment={name}", "debug=smoke", f"paths.output={out}", *own)

@@ -7,6 +7,7 @@ import numpy as np
 import onnx
 import pytest
 import torch
+from plugins.onnx.tests.test_files import Labels
 from tests.unit.tasks.recordings import frames
 
 from scenefw.core.errors import (
@@ -18,7 +19,6 @@ from scenefw.core.errors import (
 from scenefw.core.types import GridSpec
 from scenefw.labelling.sources import NetworkLabels
 from scenefw.learning.checkpoint import Checkpoint
-from scenefw.models.fusenet import FuseNet
 from scenefw_onnx.files import write_onnx
 from scenefw_onnx.label_source import OnnxLabels
 from scenefw_onnx.networks import named_network
@@ -31,9 +31,8 @@ pytest.importorskip("onnxscript", reason="pip install 'scenefw[onnx]'")
 def checkpoint():
     """A small network that labels views."""
     torch.manual_seed(0)
-    network = FuseNet(3, (3, 4), (1, 1), block=2).eval()
     metadata = {"classes": ["a", "b", "c"], "input": "views"}
-    return Checkpoint(network, GridSpec(8), {}, metadata)
+    return Checkpoint(Labels().eval(), GridSpec(8), {}, metadata)
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +58,6 @@ def frame():
 
 @pytest.mark.parametrize("size", [(80, 60), (53, 37)])
 def test_labels_are_those_of_torch(checkpoint, views, frame, size):
-    """Also of sizes that the network's strides don't divide."""
     width, height = size
     small = replace(
         frame,
@@ -89,7 +87,8 @@ def test_what_cannot_be_used_is_one_line(views, frame, tmp_path, monkeypatch):
         OnnxLabels(views, classes=["surface", "cup"])
     with pytest.raises(CheckpointError, match="cannot read"):
         OnnxLabels(tmp_path / "missing.onnx")
-    (tmp_path / "damaged.onnx").write_bytes(views.read_bytes()[:1000])
+    content = views.read_bytes()
+    (tmp_path / "damaged.onnx").write_bytes(content[: len(content) // 2])
     with pytest.raises(CheckpointError, match="no ONNX file"):
         OnnxLabels(tmp_path / "damaged.onnx")
     with pytest.raises(CheckpointError, match="no network that labels views"):
