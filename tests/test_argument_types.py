@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from omegaconf import OmegaConf
 
-from scenefw import config, registry
+from scenefw import config, plugins, registry
 from scenefw.argument_types import check_types
 from scenefw.core.errors import ConfigError
 from scenefw.execution.parts import require_types
@@ -29,6 +29,11 @@ class Component:
         both: float | Sequence[float] = 1.0, part: object = None, **more: float,
     ): ...
 """
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _plugins():
+    plugins.activate()
 
 
 @pytest.fixture(scope="module", params=["from __future__ import annotations", ""])
