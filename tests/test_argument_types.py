@@ -1,5 +1,6 @@
 """Values of a wrong kind are found before the work, and the line names what the user has set."""
 
+import functools
 import re
 import sys
 from types import ModuleType
@@ -9,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from omegaconf import OmegaConf
 
-from scenefw import config, registry
+from scenefw import config, plugins, registry
 from scenefw.argument_types import check_types
 from scenefw.core.errors import ConfigError
 from scenefw.execution.parts import require_types
@@ -28,6 +29,11 @@ class Component:
         both: float | Sequence[float] = 1.0, part: object = None, **more: float,
     ): ...
 """
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _plugins():
+    plugins.activate()
 
 
 @pytest.fixture(scope="module", params=["from __future__ import annotations", ""])
@@ -198,6 +204,10 @@ def test_each_of_several_parts_is_looked_at():
 )
 def test_the_settings_of_a_part_are_named_where_they_can_be_typed(words, place):
     overrides = words.split()
-    options = {group: sorted(names) for group, names in registry.catalogue().items()}
     with pytest.raises(ConfigError, match=rf"give its settings as {re.escape(place)}\.NAME="):
-        require_types(config.compose(overrides), "run", overrides, options)
+        require_types(config.compose(overrides), "run", overrides, options())
+
+
+@functools.cache
+def options():
+    return {group: sorted(names) for group, names in registry.catalogue().items()}

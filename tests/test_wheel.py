@@ -9,8 +9,12 @@ import venv
 import zipfile
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
+from numba.core.caching import _CacheLocator
+
+from scenefw.kernels import compile as kernels
 
 ROOT = Path(__file__).parents[1]
 PIP = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"]
@@ -45,14 +49,28 @@ def fresh(wheel, tmp_path_factory):
     subprocess.run([*PIP, "--python", str(python), "install", *ALONE, str(wheel)], check=True)
     packages = next(folder.glob("lib/*/site-packages"))
     (packages / "dependencies.pth").write_text(f"{Path(np.__file__).parents[1]}\n")
+    lend_compiled_kernels(packages, folder / "cache")
     return folder
+
+
+def lend_compiled_kernels(packages, cache):
+    """What is compiled of the checkout's kernels, for the same sources in another place.
+
+    A cache of its own would have to be filled anew, which `test_first_run` does.
+    """
+    shared = Path(numba.config.CACHE_DIR)
+    own = cache / "scenefw" / "kernels" / shared.name
+    own.mkdir(parents=True)
+    there = packages / "scenefw" / "kernels" / "compile.py"
+    here, there = (_CacheLocator.get_suitable_cache_subpath(p) for p in (kernels.__file__, there))
+    (shared / here).mkdir(parents=True, exist_ok=True)
+    (own / there).symlink_to(shared / here)
 
 
 @pytest.fixture
 def run(fresh, tmp_path):
     """A command of that environment, in an empty folder far from the checkout."""
-    # Compiled kernels of other paths don't count: made without effort, as they are used here alone.
-    own = {"XDG_CACHE_HOME": str(fresh / "cache"), "NUMBA_OPT": "1"}
+    own = {"XDG_CACHE_HOME": str(fresh / "cache")}
     env = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"} | own
 
     def command(name, *words):

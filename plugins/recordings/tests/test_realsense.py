@@ -82,17 +82,22 @@ def recording(tmp_path_factory):
     return path
 
 
+@pytest.fixture(scope="module")
+def read(recording):
+    """All its frames, whose end librealsense takes seconds to notice."""
+    return list(RealSense(recording).frames())
+
+
 def which(frame):
     """Number of the image that a frame is of, by its colour."""
     return int(frame.colour[HEIGHT // 2, WIDTH // 2, 2]) // 20
 
 
-def test_colour_is_moved_to_the_pixels_of_depth(recording):
-    frames = list(RealSense(recording).frames())
-    numbers = [which(frame) for frame in frames]
+def test_colour_is_moved_to_the_pixels_of_depth(read):
+    numbers = [which(frame) for frame in read]
     assert numbers == sorted(set(numbers))
     assert len(numbers) >= COUNT - 2  # librealsense may lose the first ones
-    for number, frame in zip(numbers, frames, strict=True):
+    for number, frame in zip(numbers, read, strict=True):
         depth, colour = images(number)
         np.testing.assert_allclose(frame.depth, depth * UNIT, atol=1e-6)
         np.testing.assert_allclose(frame.matrix, [[60, 0, 31.5], [0, 60, 23.5], [0, 0, 1]])
@@ -112,11 +117,11 @@ def test_depth_is_moved_to_colour_or_there_is_no_colour(recording):
     assert next(iter(RealSense(recording, align="none").frames())).colour is None
 
 
-def test_our_own_reader_finds_the_same_depth(recording):
+def test_our_own_reader_finds_the_same_depth(recording, read):
     pytest.importorskip("rosbags")
     own = [frame.depth for frame in Bag(recording).frames()]
     assert len(own) == COUNT
-    for frame in RealSense(recording).frames():
+    for frame in read:
         np.testing.assert_allclose(own[which(frame)], frame.depth, atol=1e-6)
 
 

@@ -45,7 +45,7 @@ class SpatialBroadcast(nn.Module):
         """Volumes (K, C + 3, S, S, S) of codes (K, C); the last channels are x, y and z."""
         places: Tensor = self.get_buffer("places").to(codes.dtype)
         spread = codes[:, :, None, None, None].expand(-1, -1, *places.shape[2:])
-        return torch.cat([spread, places.expand(len(codes), -1, -1, -1, -1)], dim=1)
+        return torch.cat([spread, places.expand(codes.shape[0], -1, -1, -1, -1)], dim=1)
 
 
 class CodeAttention(nn.Module):

@@ -36,7 +36,7 @@ def placed(shapes: Tensor, boxes: Tensor, resolution: int) -> Tensor:
     weights = (1 - (where[..., None] - steps).abs()).clamp_min(0)  # (B, N, 3, X, S)
     x, y, z = weights.flatten(0, 1).unbind(dim=1)
     volume = (shapes - _NOTHING).flatten(0, 1)
-    count = len(volume)
+    count = volume.shape[0]
     volume = x @ volume.reshape(count, side, side * side)
     volume = y[:, None] @ volume.reshape(count, resolution, side, side)
     volume = volume @ z.transpose(1, 2)[:, None]

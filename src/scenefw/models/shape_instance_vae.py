@@ -150,8 +150,8 @@ class ShapeInstanceVAE(nn.Module):
         self._check_condition(condition)
         maps, view = self.condition.encode(self._input_channels(condition))
         if latent is None:
-            latent = view.new_zeros(len(view), self.latent_size)
-        samples = self._samples(latent, len(view))
+            latent = view.new_zeros(view.shape[0], self.latent_size)
+        samples = self._samples(latent, view.shape[0])
         view = view.repeat(samples, 1)
         maps = [m.repeat(samples, 1, 1, 1, 1) if samples > 1 else m for m in maps]
         volumes = self.decoder(torch.cat([latent, view], dim=1), maps[::-1])
@@ -206,12 +206,12 @@ class ShapeInstanceVAE(nn.Module):
         return mean + _normal(mean, generator) * (0.5 * log_variance).exp(), statistics
 
     def _samples(self, latent: Tensor, batch: int) -> int:
-        if latent.ndim != 2 or latent.shape[1] != self.latent_size or len(latent) % batch:
+        if latent.ndim != 2 or latent.shape[1] != self.latent_size or latent.shape[0] % batch:
             raise InputError(
                 f"latent codes have shape {tuple(latent.shape)}, expected "
                 f"({batch}, {self.latent_size}) or a multiple of {batch} rows"
             )
-        return len(latent) // batch
+        return latent.shape[0] // batch
 
     def _check_condition(self, condition: Tensor) -> None:
         size, shape = (self.resolution,) * 3, tuple(condition.shape)
