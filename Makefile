@@ -18,7 +18,8 @@ PYTEST ?=
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
-PIP := $(BIN)/python -m pip install --disable-pip-version-check --quiet --constraint constraints.txt
+# Of 20 000 modules most are never imported; Python compiles the others when they are.
+PIP := $(BIN)/python -m pip install --disable-pip-version-check --quiet --no-compile --constraint constraints.txt
 SYSTEM := libusb-1.0-0 libgl1 libgomp1
 LOADABLE := import ctypes; [ctypes.CDLL(name) for name in \
 	("libusb-1.0.so.0", "libGL.so.1", "libgomp.so.1")]
