@@ -64,6 +64,16 @@ def test_parameters_that_fit_nothing_are_one_line(client):
     assert client.get("/reconstruct").status_code == 405
 
 
+@pytest.mark.parametrize("path", ["/reconstruct", "/doctor", "/slow"])
+def test_a_misspelt_parameter_is_refused_with_the_near_ones(client, path):
+    answer = client.post(f"{path}?smaple=1", content=npz())
+    assert answer.status_code == 422
+    assert error_of(answer) == "no parameter smaple; did you mean sample?"
+    unlike = error_of(client.post(f"{path}?x=1&sample=0", content=npz()))
+    assert unlike == "no parameter x; there are depth_scale, format, sample"
+    assert error_of(client.get("/health?sample=1")) == "no parameter sample; there are none"
+
+
 def test_pages_of_other_servers_are_refused(client):
     assert client.get("/health", headers={"host": "evil.example"}).status_code == 403
     answer = client.post("/doctor", content=npz(), headers={"origin": "http://evil.example"})

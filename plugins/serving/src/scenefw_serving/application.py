@@ -16,6 +16,7 @@ from starlette.datastructures import UploadFile
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 
+from scenefw.config import near_misses
 from scenefw.core.errors import (
     ConfigError,
     InputError,
@@ -75,7 +76,7 @@ class Service:
             version=versions()["scenefw"],
             docs_url=None,
             redoc_url=None,
-            dependencies=[Depends(self._require_own)],
+            dependencies=[Depends(self._require_own), Depends(_require_declared)],
         )
         app.add_exception_handler(SceneFWError, _refused)
         app.add_exception_handler(RequestValidationError, _misspelt)
@@ -194,6 +195,13 @@ class Service:
             seconds = f"{self.limits.upload:g} s (run.limits.upload)"
             raise HTTPException(408, f"the request hasn't come whole within {seconds}") from error
         return bytes(body)
+
+
+async def _require_declared(request: Request) -> None:
+    declared = [field.alias for field in request.scope["route"].dependant.query_params]
+    for name in request.query_params:
+        if name not in declared:
+            raise InputError(f"no parameter {name}; {near_misses(name, declared)}")
 
 
 async def _form(request: Request, body: bytes, most: int) -> dict[str, list[Part]]:
