@@ -105,7 +105,7 @@ class Upload:
             folder = Path(name)
             try:
                 return self._read(folder, limits)
-            except SceneFWError as error:
+            except InputError as error:
                 raise type(error)(str(error).replace(f"{folder}/", "")) from error
 
     def _require_fields(self) -> None:
