@@ -26,7 +26,7 @@ from scenefw.core.errors import (
 from scenefw.core.versions import versions
 from scenefw_serving.image_request import ImageRequest, Predictions
 from scenefw_serving.page import index_page
-from scenefw_serving.uploads import FIELDS, LimitError, Part, Upload
+from scenefw_serving.uploads import FIELDS, LimitError, Part, Upload, in_fields
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Coroutine
@@ -243,7 +243,7 @@ def _refusal(error: BaseException) -> Response:
     """An error as an answer; of a fault of scenefw the terminal gets the traceback."""
     for kind, status in _STATUS:
         if isinstance(error, kind):
-            return _error(status, str(error))
+            return _error(status, in_fields(str(error)))
     traceback.print_exception(error, file=sys.stderr)
     return _error(500, "the service failed; its terminal says how")
 
