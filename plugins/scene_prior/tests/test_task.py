@@ -38,7 +38,9 @@ def test_each_scene_gets_a_folder_and_all_a_picture_and_a_page(prior, tmp_path, 
     with Image.open(folder / "drawn.png") as picture:
         assert np.asarray(picture).std() > 5
     told = json.loads((folder / "scene_004" / "scene.json").read_text())
+    assert told["name"] == "scene_004"
     assert told["drawn"]["number"] == 4
+    assert "scene_005" in (folder / "drawn.html").read_text()
 
 
 def test_from_python(prior):

@@ -1,10 +1,18 @@
 """What the service refuses, each time in one line."""
 
+import io
+
 import numpy as np
 import pytest
 from plugins.serving.tests.services import FRAME, depth_png, error_of, intrinsics, npz, png, serving
 
 from scenefw_serving.limits import Limits
+
+
+def npz_without_intrinsics():
+    file = io.BytesIO()
+    np.savez_compressed(file, depth=FRAME.depth)
+    return file.getvalue()
 
 
 @pytest.mark.parametrize(
@@ -17,7 +25,8 @@ from scenefw_serving.limits import Limits
         ({"depth": ("a.npz", b"PK\x03\x04broken")}, "cannot read a.npz"),
         ({"depth": ("a.npz", npz(depth=FRAME.depth * 0))}, "no measurements"),
         ({"depth": ("a.npz", npz(depth=FRAME.depth[0]))}, "shape"),
-        ({"depth": ("a.npz", npz(depth=FRAME.depth * 1000))}, "millimetres given as metres"),
+        ({"depth": ("a.npz", npz(depth=FRAME.depth * 1000))}, " numbers with depth_scale=0.001"),
+        ({"depth": ("a.npz", npz_without_intrinsics())}, "store them in it or give intrinsics"),
         ({"depth": ("a.npz", npz()), "scores": b"[1]"}, "no masks"),
         ({"depth": ("a.npz", npz(masks=np.ones((2, 120, 160)), scores=[1]))}, "scores have shape"),
         ({"depth": ("a.npz", npz(masks=np.ones((2, 12, 16))))}, "same size"),
@@ -32,6 +41,7 @@ def test_unusable_images_are_422_in_one_line(client, files, words):
     assert answer.status_code == 422
     assert words in error_of(answer)
     assert "/tmp" not in error_of(answer)
+    assert "run." not in error_of(answer)
 
 
 def test_colour_of_another_size_is_refused(client):
@@ -62,6 +72,16 @@ def test_parameters_that_fit_nothing_are_one_line(client):
         assert words.split("=", maxsplit=1)[0] in error_of(answer)
     assert client.post("/nowhere").status_code == 404
     assert client.get("/reconstruct").status_code == 405
+
+
+@pytest.mark.parametrize("path", ["/reconstruct", "/doctor", "/slow"])
+def test_a_misspelt_parameter_is_refused_with_the_near_ones(client, path):
+    answer = client.post(f"{path}?smaple=1", content=npz())
+    assert answer.status_code == 422
+    assert error_of(answer) == "no parameter smaple; did you mean sample?"
+    unlike = error_of(client.post(f"{path}?x=1&sample=0", content=npz()))
+    assert unlike == "no parameter x; there are depth_scale, format, sample"
+    assert error_of(client.get("/health?sample=1")) == "no parameter sample; there are none"
 
 
 def test_pages_of_other_servers_are_refused(client):

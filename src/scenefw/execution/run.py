@@ -44,7 +44,8 @@ def execute(config: DictConfig) -> Mapping[str, Any]:
     Writes `config.yaml` (resolved) and `run.json` (versions, seed, command line, overrides, SHA-256
     of weights) before the work starts and `metrics.json` after it, all in `paths.output`. Until all
     parts are built nothing is written; then the figures of an earlier run in the folder go, as they
-    are not of this one. A run that fails before it has made anything leaves the folder as it was.
+    are not of this one. A run that fails or is stopped before it has made anything leaves the
+    folder as it was.
 
     Raises:
         StorageError: the output folder can't be written.
@@ -82,7 +83,7 @@ def execute(config: DictConfig) -> Mapping[str, Any]:
     except IncompleteError:
         print(output)
         raise
-    except Exception:
+    except (Exception, KeyboardInterrupt):
         before.restore()
         raise
     print(output)

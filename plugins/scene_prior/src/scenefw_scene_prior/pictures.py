@@ -27,7 +27,7 @@ def draw_scenes(scenes: Sequence[SceneEstimate]) -> Picture:
         row = scenes[start : start + _COLUMNS]
         padded = [*row, *[None] * (_COLUMNS - len(row) if len(scenes) > _COLUMNS else 0)]
         for turn in (0.0, _TURN):
-            for number, scene in enumerate(padded, start=start + 1):
+            for scene in padded:
                 if scene is None:
                     tiles.append(tiles[-1] * 0 + 1)
                     names.append("")
@@ -36,10 +36,10 @@ def draw_scenes(scenes: Sequence[SceneEstimate]) -> Picture:
                 camera = cropped(scene.frame.camera, *window(scene)).resized(*_SIZE)
                 side = turned(camera, vertices(scene), turn) if turn else camera
                 tiles.append(draw(solid, side))
-                names.append("from behind" if turn else _name(number, scene))
+                names.append("from behind" if turn else _name(scene))
     return beside(tiles, names, columns=min(_COLUMNS, len(scenes)))
 
 
-def _name(number: int, scene: SceneEstimate) -> str:
+def _name(scene: SceneEstimate) -> str:
     count = len(scene.objects)
-    return f"scene {number}: {count} object{'' if count == 1 else 's'}"
+    return f"{scene.frame.name}: {count} object{'' if count == 1 else 's'}"

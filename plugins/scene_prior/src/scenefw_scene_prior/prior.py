@@ -111,7 +111,8 @@ class ScenePrior:
         self, objects: list[PlacedShape], seed: int, number: int, row: int
     ) -> SceneEstimate:
         camera = Camera(T_world_camera=geometry.look_at(_EYE, _TARGET))
-        frame = Frame(np.zeros((camera.height, camera.width), np.float32), camera)
+        name = f"scene_{number + 1:03d}"
+        frame = Frame(np.zeros((camera.height, camera.width), np.float32), camera, name=name)
         placed = dict(enumerate(objects, start=1))
         meshes = {label: item.mesh() for label, item in placed.items()}
         estimates = estimate_objects(meshes, dict.fromkeys(placed, 1.0), placed)

@@ -74,9 +74,9 @@ class DrawScenes:
         draws = objects = 0
         with replacing_folder(folder) as temporary:
             scenes = self.prior.scenes(self.count, self.seed)
-            for number, scene in enumerate(track(scenes, "scenes", total=self.count), start=1):
-                self._write(temporary / f"scene_{number:03d}", scene)
-                examples += [scene] if number <= _SHOWN else []
+            for scene in track(scenes, "scenes", total=self.count):
+                self._write(temporary / scene.frame.name, scene)
+                examples += [scene] if len(examples) < _SHOWN else []
                 draws += int(scene.details["drawn"]["draws"])
                 objects += len(scene.objects)
             if self.overview:
@@ -84,9 +84,11 @@ class DrawScenes:
             if self.page:
                 pages = [
                     Scene3D(
-                        f"scene {i}", (layer("drawn", example, colours_of(example)),), example.frame
+                        example.frame.name,
+                        (layer("drawn", example, colours_of(example)),),
+                        example.frame,
                     )
-                    for i, example in enumerate(examples, start=1)
+                    for example in examples
                 ]
                 write_scene_page(temporary / "drawn.html", "drawn scenes", packed(pages))
         print(folder)

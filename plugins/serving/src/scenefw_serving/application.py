@@ -16,6 +16,7 @@ from starlette.datastructures import UploadFile
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 
+from scenefw.config import near_misses
 from scenefw.core.errors import (
     ConfigError,
     InputError,
@@ -25,7 +26,7 @@ from scenefw.core.errors import (
 from scenefw.core.versions import versions
 from scenefw_serving.image_request import ImageRequest, Predictions
 from scenefw_serving.page import index_page
-from scenefw_serving.uploads import FIELDS, LimitError, Part, Upload
+from scenefw_serving.uploads import FIELDS, LimitError, Part, Upload, in_fields
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Coroutine
@@ -75,7 +76,7 @@ class Service:
             version=versions()["scenefw"],
             docs_url=None,
             redoc_url=None,
-            dependencies=[Depends(self._require_own)],
+            dependencies=[Depends(self._require_own), Depends(_require_declared)],
         )
         app.add_exception_handler(SceneFWError, _refused)
         app.add_exception_handler(RequestValidationError, _misspelt)
@@ -196,6 +197,13 @@ class Service:
         return bytes(body)
 
 
+async def _require_declared(request: Request) -> None:
+    declared = [field.alias for field in request.scope["route"].dependant.query_params]
+    for name in request.query_params:
+        if name not in declared:
+            raise InputError(f"no parameter {name}; {near_misses(name, declared)}")
+
+
 async def _form(request: Request, body: bytes, most: int) -> dict[str, list[Part]]:
     async def receive() -> dict[str, Any]:
         return {"type": "http.request", "body": body, "more_body": False}
@@ -235,7 +243,7 @@ def _refusal(error: BaseException) -> Response:
     """An error as an answer; of a fault of scenefw the terminal gets the traceback."""
     for kind, status in _STATUS:
         if isinstance(error, kind):
-            return _error(status, str(error))
+            return _error(status, in_fields(str(error)))
     traceback.print_exception(error, file=sys.stderr)
     return _error(500, "the service failed; its terminal says how")
 

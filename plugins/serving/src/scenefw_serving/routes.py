@@ -19,6 +19,7 @@ from scenefw.perception.estimate.base_frame import in_base
 from scenefw.perception.ranking.next_view import next_views_in_base
 from scenefw.report.palette import colours_of
 from scenefw.tasks.scene_files import write_scene
+from scenefw_serving.uploads import in_fields
 
 if TYPE_CHECKING:
     from scenefw.core.protocols import SceneFormat, Settling
@@ -142,7 +143,12 @@ class Diagnose:
         """`usable`, and `checks` with name, verdict, found and fix."""
         examination = self.examiner.examine(image.frame, image.mask)
         checks = [
-            {"name": check.name, "verdict": check.verdict, "found": check.found, "fix": check.fix}
+            {
+                "name": check.name,
+                "verdict": check.verdict,
+                "found": check.found,
+                "fix": in_fields(check.fix),
+            }
             for check in examination.checks
         ]
         return {"name": image.frame.name, "usable": examination.usable, "checks": checks}

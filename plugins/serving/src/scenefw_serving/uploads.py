@@ -43,6 +43,12 @@ FIELDS = {
     "x y z qx qy qz qw; answers are then in the base; optional",
     "scores": "a JSON list, a number of each of the masks; the highest has the pixel",
 }
+_SETTING = re.compile(rf"\brun\.({'|'.join([*FIELDS, 'depth_scale'])})\b(=[A-Z]+)?")
+
+
+def in_fields(line: str) -> str:
+    """Advice for the command line with the fields and parameters of requests for its settings."""
+    return _SETTING.sub(r"\1", line)
 
 
 class LimitError(SceneFWError):
@@ -105,7 +111,7 @@ class Upload:
             folder = Path(name)
             try:
                 return self._read(folder, limits)
-            except SceneFWError as error:
+            except InputError as error:
                 raise type(error)(str(error).replace(f"{folder}/", "")) from error
 
     def _require_fields(self) -> None:
