@@ -187,7 +187,14 @@ def _read_npz(
     calibration = (
         Calibration(content["K"]) if intrinsics is None else calibration_of(intrinsics, path.name)
     )
-    return Content(depth, calibration, unit, content.get("rgb"), _npz_labels(content, path))
+    return Content(
+        depth,
+        calibration,
+        unit,
+        content.get("rgb"),
+        _npz_labels(content, path),
+        in_millimetres="depth_mm" in content,
+    )
 
 
 def _npz_depth(

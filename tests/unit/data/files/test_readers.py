@@ -170,7 +170,9 @@ def test_folder_of_folders(tmp_path):
         ({"K": K * 10}, "outside the image of 40 x 30"),
         ({"depth_mm": None}, "holds K, no depth; store depth_mm"),
         ({"depth_mm": DEPTH / 1e6}, "metres given as millimetres"),
-        ({"depth_mm": None, "depth": DEPTH}, "millimetres given as metres"),
+        ({"depth_mm": None, "depth": DEPTH}, "millimetres given as metres.*run.depth_scale=0.001"),
+        ({"depth_mm": DEPTH * 1000.0}, "micrometres given as millimetres.*depth_mm is in"),
+        ({"rgb": np.zeros((60, 80, 3), np.uint8)}, "leave it out if it isn't"),
         ({"depth_mm": DEPTH[None]}, r"shape \(1, 30, 40\)"),
     ],
 )
