@@ -119,6 +119,21 @@ def test_list_of_a_group_shows_its_options_alone(nil):
     assert "Voxel grid" not in done.stdout
 
 
+def test_list_of_several_groups_shows_each(nil):
+    done = nil("--list", "run", "renderer")
+    assert done.returncode == 0, done.stderr
+    assert "run=nil: " in done.stdout
+    assert "renderer=" in done.stdout
+    assert_one_line(nil("--list", "run", "nonsense"), "no group 'nonsense'")
+
+
+@pytest.mark.parametrize("folder", ["file", "file/within"])
+def test_a_file_in_the_place_of_the_output_folder_is_called_so(nil, tmp_path, folder):
+    (tmp_path / "file").touch()
+    done = nil("run=nil", f"paths.output={folder}")
+    assert_one_line(done, f"cannot use {folder}: file is a file, not a folder; give another path")
+
+
 def test_a_group_of_a_plugin_says_what_it_is(nil, tmp_path):
     folder = tmp_path / "plugins" / "nil" / "conf" / "colour"
     folder.mkdir()

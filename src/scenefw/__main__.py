@@ -46,7 +46,7 @@ usage: python -m scenefw [-m] [-v] [group=option ...] [key=value ...]
   python -m scenefw run=predict --cfg job --package run         the settings of run=predict
 
   --list         every group and option with a line on each, plugins included
-  --list GROUP   the options of one group, with their arguments and values
+  --list GROUP   the options of a group (or several), with their arguments and values
   --cfg job      prints the composed settings and stops
   -m             sweeps over comma-separated values
   -v             shows the whole traceback of an error
@@ -125,13 +125,16 @@ def _print_verbs(verbs: Mapping[str, Path]) -> None:
 
 
 def _print_list(words: list[str]) -> None:
-    """The catalogue, or the group named after --list."""
+    """The catalogue, or the groups named after --list."""
     from scenefw import listing
 
     plugins.refuse_clashes(plugins.find())
     after = words[words.index("--list") + 1 :]
     if after:
-        listing.print_group(after[0])
+        for name in after:
+            registry.options(name)  # a slip is an error before anything is printed
+        for name in after:
+            listing.print_group(name)
     else:
         listing.print_catalogue()
 
@@ -226,14 +229,20 @@ def _complaint(error: Exception, composing: bool) -> str | None:
             return " ".join(str(cause).split())
         cause = cause.__cause__
     if isinstance(error, OSError) and error.filename is not None:
-        return (
-            f"cannot use {error.filename}: {error.strerror}; give another path, or make it writable"
-        )
+        return _unusable_path(error)
     if isinstance(error, OSError) and error.errno in _NO_ROOM:
         return f"cannot write: {error.strerror}; free some space, or give paths.output=FOLDER"
     if composing or type(error).__module__.startswith(("hydra.", "omegaconf.")):
         return f"{_misconfigured(error)}{'' if _verbose() else ' (-v shows the traceback)'}"
     return None
+
+
+def _unusable_path(error: OSError) -> str:
+    path = Path(os.fsdecode(error.filename))
+    file = next((place for place in (path, *path.parents) if place.is_file()), None)
+    if isinstance(error, FileExistsError | NotADirectoryError) and file is not None:
+        return f"cannot use {path}: {file} is a file, not a folder; give another path"
+    return f"cannot use {path}: {error.strerror}; give another path, or make it writable"
 
 
 def _misconfigured(error: Exception) -> ConfigError:

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 KEPT = "kept"
 """Key of a run's record: names of files that were in its folder before the first run."""
 
-_WRITTEN = (SETTINGS, FIGURES, MEASURES_FILE, PAGE)
+_WRITTEN = (RECORD, SETTINGS, FIGURES, MEASURES_FILE, PAGE)
+_RECORD_KEYS = {"seed", "versions", "command"}
 
 
 def require_values(overrides: Sequence[str]) -> None:
@@ -68,17 +69,20 @@ def strangers(output: Path) -> list[Path]:
     if not output.is_dir():
         return []
     files = [file for file in output.iterdir() if not file.is_dir()]
-    if not (output / RECORD).exists():
-        return files
-    return [file for file in files if file.name in _kept_before(output)]
+    kept = _kept_before(output)
+    return files if kept is None else [file for file in files if file.name in kept]
 
 
-def _kept_before(output: Path) -> list[str]:
+def _kept_before(output: Path) -> list[str] | None:
+    """Names that the record of a run lists; None if the folder has no such record."""
     try:
+        if not (output / RECORD).stat().st_size:  # just taken by a run
+            return []
         record = read_record(output)
-    except (OSError, ValueError):  # just taken by a run, or damaged
-        return []
-    return list(record.get(KEPT, []))
+    except (OSError, ValueError):
+        return None
+    is_record = isinstance(record, dict) and record.keys() >= _RECORD_KEYS
+    return list(record.get(KEPT, [])) if is_record else None
 
 
 def require_no_strangers(output: Path) -> None:
@@ -91,6 +95,6 @@ def require_no_strangers(output: Path) -> None:
     clash = next((name for name in _WRITTEN if name in names), None)
     if clash is not None:
         raise StorageError(
-            f"{output / clash} is not of a run of scenefw (there is no {RECORD}), and would be "
-            "lost; give another paths.output, or move it away"
+            f"{output / clash} is not of a run of scenefw (there is no {RECORD} of one), and would "
+            "be lost; give another paths.output, or move it away"
         )

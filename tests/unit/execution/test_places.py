@@ -34,14 +34,37 @@ def test_a_file_of_somebody_else_in_the_place_of_a_runs_is_refused(tmp_path, nam
     require_no_strangers(tmp_path)
 
 
+@pytest.mark.parametrize("content", ["mine", "3", "[]", "{}", '{"command": "make"}', "\xff"])
+def test_a_record_of_another_program_is_of_somebody_else(tmp_path, content):
+    files = {tmp_path / name for name in ("run.json", "config.yaml", "metrics.json")}
+    for file in files:
+        file.write_bytes(content.encode("latin-1"))
+    assert set(strangers(tmp_path)) == files
+    with pytest.raises(StorageError, match=r"run\.json is not of a run of scenefw .* be lost"):
+        require_no_strangers(tmp_path)
+
+
+def test_a_run_touches_nothing_beside_a_record_of_another_program(tmp_path, scenefw):
+    (tmp_path / "out").mkdir()
+    for name in ("run.json", "config.yaml", "metrics.json"):
+        (tmp_path / "out" / name).write_text("mine")
+    done = scenefw("run=predict", "input=example", "paths.output=out")
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert "run.json is not of a run of scenefw" in line
+    assert [file.read_text() for file in (tmp_path / "out").iterdir()] == ["mine"] * 3
+
+
 def test_what_was_there_before_the_first_run_is_of_somebody_else(tmp_path):
     assert strangers(tmp_path / "none") == []
     mine = tmp_path / "map.npz"
     mine.touch()
     (tmp_path / "folder").mkdir()
     assert strangers(tmp_path) == [mine]
-    for record, expected in [("", []), ("{}", []), ('{"kept": ["map.npz", "gone"]}', [mine])]:
-        (tmp_path / "run.json").write_text(record)
+    record = {"seed": 0, "versions": {}, "command": []}
+    further = record | {"kept": ["map.npz", "gone"]}
+    for text, expected in [("", []), (json.dumps(record), []), (json.dumps(further), [mine])]:
+        (tmp_path / "run.json").write_text(text)
         assert strangers(tmp_path) == expected
 
 

@@ -10,7 +10,14 @@ from numpy.typing import NDArray
 
 from scenefw.core.errors import InputError
 from scenefw.core.types import Frame
-from scenefw.data.files.image_checks import check_colour, check_depth, metres, placeholders, unit_of
+from scenefw.data.files.image_checks import (
+    Stored,
+    check_colour,
+    check_depth,
+    metres,
+    placeholders,
+    unit_of,
+)
 from scenefw.data.files.intrinsics import Calibration, camera_from_matrix, require_size
 from scenefw.data.files.layouts import MILLIMETRES, TUM_UNIT
 from scenefw.data.files.lens import undistorted
@@ -30,6 +37,7 @@ class Content:
         colour: (H, W, 3) uint8.
         labels: (H, W).
         notes: lines that its frame carries.
+        in_millimetres: depth is of an array `depth_mm`, whose unit no setting changes.
     """
 
     depth: NDArray[Any]
@@ -38,6 +46,7 @@ class Content:
     colour: NDArray[Any] | None = None
     labels: NDArray[Any] | None = None
     notes: tuple[str, ...] = ()
+    in_millimetres: bool = False
 
 
 def assembled(content: Content, scale: float | None, file: str, name: str) -> Frame:
@@ -63,7 +72,7 @@ def assembled(content: Content, scale: float | None, file: str, name: str) -> Fr
         depth, values, unit if scale is None else scale
     )
     notes += placeholder_notes
-    depth = check_depth(depth, file)
+    depth = check_depth(depth, file, _stored_as(content, unit if scale is None else scale))
     if scale is None and unit == TUM_UNIT and values.dtype.kind in "ui":
         notes += _tum_notes(depth)
     height, width = depth.shape
@@ -85,6 +94,12 @@ def assembled(content: Content, scale: float | None, file: str, name: str) -> Fr
             "rectified already, set them to 0"
         )
     return Frame(depth, camera, colour, labels, name, tuple(notes))
+
+
+def _stored_as(content: Content, unit: float) -> Stored:
+    if content.in_millimetres:
+        return Stored(MILLIMETRES, "depth_mm")
+    return Stored(unit, None) if content.depth.dtype.kind in "ui" else Stored()
 
 
 def single_channel(values: NDArray[Any]) -> NDArray[Any]:

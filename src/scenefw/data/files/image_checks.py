@@ -1,5 +1,7 @@
 """Checks of depth and colour that come from outside, whether from files or as arrays."""
 
+import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,6 +17,8 @@ _FARTHEST_MEDIAN = 20.0
 _NEAREST_MEDIAN = 0.05
 """A table-top whose median depth is below this (m) was given in metres, read as millimetres."""
 
+_UNITS = {1.0: "metres", 1e-3: "millimetres", 1e-4: "tenths of millimetres", 1e-6: "micrometres"}
+
 _MIN_GAP_RATIO = 2.0
 """A placeholder is this many times as far as all else: a table seen straight from above, without
 noise, is a value that many pixels share, too, but no object reaches half the way to the camera."""
@@ -25,8 +29,29 @@ _MIN_PLACEHOLDER_PIXELS = 20
 _MAX_PLACEHOLDERS = 4  # too near, too far, unsure, saturated
 
 
-def check_depth(depth: Array, name: str) -> NDArray[np.float32]:
+@dataclass(frozen=True)
+class Stored:
+    """How depth is stored, by which it takes one remedy or another for a wrong unit.
+
+    Args:
+        unit: metres per unit, as it was read.
+        key: of an array of a fixed unit; None: of whole numbers, whose unit a setting may say.
+    """
+
+    unit: float = 1.0
+    key: str | None = "depth in floats"
+
+
+_METRES = Stored()
+
+
+def check_depth(depth: Array, name: str, stored: Stored = _METRES) -> NDArray[np.float32]:
     """Depth (H, W) in metres as float32 with every unusable value (NaN, infinite, <= 0) set to 0.
+
+    Args:
+        depth: (H, W) m.
+        name: of the image, for messages.
+        stored: how it was, for messages.
 
     Raises:
         InputError: not two-dimensional, without any measurement (EmptyImageError), or in the wrong
@@ -45,8 +70,7 @@ def check_depth(depth: Array, name: str) -> NDArray[np.float32]:
     median = float(np.median(valid))
     if median > _FARTHEST_MEDIAN:
         raise InputError(
-            f"depth of {name} has a median of {median:.0f} m: millimetres given as metres? "
-            "store it as depth_mm (.npz), or as whole numbers with run.depth_scale=0.001"
+            f"depth of {name} has a median of {median:.6g} m{_likely_unit(median, stored)}"
         )
     if median < _NEAREST_MEDIAN:
         raise InputError(
@@ -54,6 +78,17 @@ def check_depth(depth: Array, name: str) -> NDArray[np.float32]:
             "store it as depth in metres, or give the run.depth_scale of whole numbers"
         )
     return clean
+
+
+def _likely_unit(median: float, stored: Stored) -> str:
+    """Which unit would make a table-top of a median depth (m), and what to do about it."""
+    unit = min(_UNITS, key=lambda unit: abs(math.log(median * unit / stored.unit)))
+    likely = _NEAREST_MEDIAN < median * unit / stored.unit < _FARTHEST_MEDIAN
+    read_as = _UNITS.get(stored.unit, f"units of {stored.unit:g} m")
+    guess = f": {_UNITS[unit]} given as {read_as}? " if likely else "; "
+    if stored.key is not None:
+        return f"{guess}{stored.key} is in {read_as}; store it so"
+    return f"{guess}give run.depth_scale={f'{unit:g}' if likely else 'METRES_PER_UNIT'}"
 
 
 def metres(
@@ -153,7 +188,7 @@ def check_colour(colour: Array, shape: tuple[int, ...], name: str) -> NDArray[np
     if colour.shape != (*shape, 3):
         raise InputError(
             f"colour of {name} has shape {colour.shape}, its depth {tuple(shape)}; both must be "
-            "aligned images of the same size, colour with 3 channels"
+            "aligned images of the same size, colour with 3 channels; leave it out if it isn't"
         )
     if colour.dtype != np.uint8:
         raise InputError(f"colour of {name} is of {colour.dtype}; give uint8, 0 to 255")

@@ -177,7 +177,7 @@ def camera_from_matrix(K: ArrayLike, height: int, width: int, name: str) -> Came
     """A camera at the origin with intrinsics K (3, 3) for an image of this size.
 
     Raises:
-        InputError: K has another shape or can't belong to an image of this size.
+        InputError: K has another shape, a skew, or can't belong to an image of this size.
     """
     values = np.asarray(K)
     if values.dtype.kind not in "uif":
@@ -200,6 +200,12 @@ def camera_from_matrix(K: ArrayLike, height: int, width: int, name: str) -> Came
         raise InputError(
             f"intrinsics of {name} have {matrix[2].tolist()} as their last row, not 0 0 1; "
             + ("K looks transposed: give fx 0 cx, 0 fy cy, 0 0 1" if transposed else _EXPECTED)
+        )
+    skew = matrix[0, 1], matrix[1, 0]
+    if not np.allclose(skew, 0, atol=1e-6 * max(fx, fy)):
+        raise InputError(
+            f"intrinsics of {name} have a skew (K[0,1] = {skew[0]:g}, K[1,0] = {skew[1]:g}), which "
+            "scenefw's cameras have not; rectify the image, or give 0 there if it is noise"
         )
     return Camera(width, height, float(fx), float(fy), float(cx), float(cy))
 

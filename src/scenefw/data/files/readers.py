@@ -187,7 +187,9 @@ def _read_npz(
     calibration = (
         Calibration(content["K"]) if intrinsics is None else calibration_of(intrinsics, path.name)
     )
-    return Content(depth, calibration, unit, content.get("rgb"), _npz_labels(content, path))
+    labels, in_millimetres = _npz_labels(content, path), "depth_mm" in content
+    image = Content(depth, calibration, unit, labels=labels, in_millimetres=in_millimetres)
+    return _with_colour(image, content["rgb"], "rgb") if "rgb" in content else image
 
 
 def _npz_depth(
@@ -304,12 +306,17 @@ def _with_picture(content: Content, path: Path | None) -> Content:
     if path is None or content.colour is not None:
         return content
     with Image.open(path) as image:
-        colour = np.array(image.convert("RGB"))
+        return _with_colour(content, np.array(image.convert("RGB")), path.name)
+
+
+def _with_colour(content: Content, colour: Array, name: str) -> Content:
+    """With colours (H, W, 3 or 4), or a note that they are of another size than the depth."""
     shape = content.depth.shape[:2]
-    if colour.shape[:2] == shape:
-        return replace(content, colour=colour)
+    if colour.ndim != 3 or len(shape) != 2 or colour.shape[:2] == shape:  # or refused later
+        has_alpha = colour.ndim == 3 and colour.shape[2] == 4
+        return replace(content, colour=colour[..., :3].copy() if has_alpha else colour)
     note = (
-        f"colour {path.name} is left out: it has {colour.shape[1]} x {colour.shape[0]} pixels, "
+        f"colour {name} is left out: it has {colour.shape[1]} x {colour.shape[0]} pixels, "
         f"depth {shape[1]} x {shape[0]}; align it to depth with your camera's software"
     )
     return replace(content, notes=(*content.notes, note))

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from scenefw.core.errors import ConfigError, EmptyImageError, InputError
-from scenefw.data.files.image_checks import check_depth, metres, placeholders
+from scenefw.data.files.image_checks import Stored, check_depth, metres, placeholders
 
 
 def test_depth_is_cleaned():
@@ -29,6 +29,29 @@ def test_bad_depth_is_one_line(depth, words):
         check_depth(depth, "view")
     assert "view" in str(error.value)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("median", "stored", "words"),
+    [
+        (
+            800,
+            Stored(),
+            r"800 m: millimetres given as metres\? depth in floats is in metres; store",
+        ),
+        (8000, Stored(), "8000 m: tenths of millimetres given as metres"),
+        (8e5, Stored(), "800000 m: micrometres given as metres"),
+        (800, Stored(1e-3, "depth_mm"), r"micrometres given as millimetres\? depth_mm is in milli"),
+        (800, Stored(1e-3, None), r"micrometres given as millimetres\? give .*depth_scale=1e-06$"),
+        (800, Stored(1.0, None), r"millimetres given as metres\? give run.depth_scale=0.001$"),
+        (2000, Stored(0.0002, None), r"given as units of 0.0002 m\? give run.depth_scale="),
+        (1e30, Stored(1.0, None), r"1e\+30 m; give run.depth_scale=METRES_PER_UNIT$"),
+        (1e30, Stored(), r"1e\+30 m; depth in floats is in metres; store it so$"),
+    ],
+)
+def test_a_wrong_unit_is_named_with_a_remedy_that_the_depth_takes(median, stored, words):
+    with pytest.raises(InputError, match=words):
+        check_depth(np.full((4, 5), median, float), "view", stored)
 
 
 def test_messages_say_what_pixels_hold():

@@ -47,3 +47,13 @@ def test_a_depth_image_of_another_size_than_its_intrinsics_is_named(tmp_path, gi
         read(DEPTH.T.copy())
     with pytest.raises(InputError, match=r"80 x 60 pixels, .* 40 x 30; give the intrinsics of"):
         read(np.kron(DEPTH, np.ones((2, 2), np.float32)))
+
+
+@pytest.mark.parametrize("place", [(0, 1), (1, 0)])
+def test_a_skew_is_refused_and_rounding_is_not(place):
+    skewed = K.copy()
+    skewed[place] = 1e-5
+    frame_of(DEPTH, skewed)
+    skewed[place] = 5
+    with pytest.raises(InputError, match=r"^intrinsics of image have a skew .*; rectify the image"):
+        frame_of(DEPTH, skewed)

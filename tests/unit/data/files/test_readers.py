@@ -170,7 +170,8 @@ def test_folder_of_folders(tmp_path):
         ({"K": K * 10}, "outside the image of 40 x 30"),
         ({"depth_mm": None}, "holds K, no depth; store depth_mm"),
         ({"depth_mm": DEPTH / 1e6}, "metres given as millimetres"),
-        ({"depth_mm": None, "depth": DEPTH}, "millimetres given as metres"),
+        ({"depth_mm": None, "depth": DEPTH}, "millimetres given as metres.*run.depth_scale=0.001"),
+        ({"depth_mm": DEPTH * 1000.0}, "micrometres given as millimetres.*depth_mm is in"),
         ({"depth_mm": DEPTH[None]}, r"shape \(1, 30, 40\)"),
     ],
 )
@@ -179,6 +180,15 @@ def test_bad_npz_is_one_line(tmp_path, changes, words):
     with pytest.raises(InputError, match=words) as error:
         read_frame(path)
     assert "view.npz" in one_line(error)
+
+
+def test_rgb_beside_depth_is_treated_as_a_picture_is(tmp_path):
+    rgba = np.random.default_rng(0).integers(0, 255, (30, 40, 4), np.uint8)
+    np.testing.assert_array_equal(read_frame(save_npz(tmp_path, rgb=rgba)).colour, rgba[..., :3])
+    frame = read_frame(save_npz(tmp_path, rgb=np.zeros((60, 80, 3), np.uint8)))
+    assert frame.colour is None
+    [note] = frame.notes
+    assert note.startswith("colour rgb is left out: it has 80 x 60 pixels, depth 40 x 30")
 
 
 def test_missing_empty_unknown_and_truncated(tmp_path):
@@ -299,7 +309,7 @@ def test_a_device_is_no_image():
 @pytest.mark.parametrize(
     ("colour", "said"),
     [
-        (np.zeros((30, 40, 4), np.uint8), r"colour of view\.npz has shape \(30, 40, 4\)"),
+        (np.zeros((30, 40, 2), np.uint8), r"colour of view\.npz has shape \(30, 40, 2\)"),
         (np.zeros((30, 40, 3)), r"colour of view\.npz is of float64"),
         (np.zeros((30, 40), np.uint8), r"colour of view\.npz has shape \(30, 40\)"),
     ],
