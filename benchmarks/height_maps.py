@@ -95,6 +95,7 @@ def blocks() -> Timed:
         GRID.spacing, 16, 20_000,
     )  # fmt: skip
     for frame in frames():
+        assert frame.colour is not None
         intrinsics = core.Tensor(frame.camera.matrix)
         pose = core.Tensor(np.linalg.inv(frame.camera.T_world_camera))
         depth = o3d.t.geometry.Image(core.Tensor(frame.depth[..., None]))

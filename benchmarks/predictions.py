@@ -8,6 +8,7 @@ import tempfile
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -47,7 +48,7 @@ def scene() -> SceneEstimate:
     return scenefw.load("reconstruction", device="cpu").predict(image(), VIEW).samples[0]
 
 
-def predicted(**settings: bool) -> Timed:
+def predicted(**settings: Any) -> Timed:
     """Three hypotheses, written into a folder."""
     kept = tempfile.TemporaryDirectory()
     folder = Path(kept.name)

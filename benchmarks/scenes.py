@@ -11,6 +11,8 @@ ATTEMPTS = 10
 class AlwaysThousand(StackGenerator):
     """The same generator with the drops of algorithm 1: 1000 steps, then a look at the result."""
 
+    engine: PyBulletEngine
+
     def _drop(self, handle: int, handles: list[int]) -> bool:
         self.engine.simulate(self.max_steps)
         at_rest = self.engine.settle(self.engine.quiet_steps)

@@ -28,6 +28,7 @@ class Untrained:
         default_factory=lambda: FuseNet(len(CLASSES), (16, 24, 48, 80), (1, 2, 2, 3))
     )
     metadata: Any = field(default_factory=lambda: {"classes": CLASSES})
+    recipe: Any = field(default_factory=dict)
 
 
 def colour(*size: int) -> np.ndarray:

@@ -16,6 +16,7 @@ from torch import Tensor
 from benchmarks.harness import Job, Timed
 from benchmarks.volumes import radial_volumes
 from scenefw.core.batches import SceneParameters, ShapeInstanceBatch
+from scenefw.core.protocols import Representation
 from scenefw.core.rng import Streams
 from scenefw.core.types import GridSpec
 from scenefw.data.batches.augmentation import RigidAugmentation
@@ -36,7 +37,7 @@ from scenefw.scenes.cameras import RandomViewpoints
 
 GRID = GridSpec()
 SIZE = (160, 120)
-VOLUMES = {"tsdf": TSDF(), "votes": VoteField()}
+VOLUMES: dict[str, Representation] = {"tsdf": TSDF(), "votes": VoteField()}
 DEVICE = "cuda" if torch.cuda.is_available() else "cpu"
 SCENES = 64 if DEVICE == "cuda" else 8
 

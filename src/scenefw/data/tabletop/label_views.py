@@ -55,8 +55,13 @@ class LabelledViews:
 class ViewImages(Protocol):
     """Numbered views: view number index % views of scene index // views."""
 
-    source: FrameSource
-    classes: Sequence[str]
+    @property
+    def source(self) -> FrameSource:
+        """Whose views they are."""
+
+    @property
+    def classes(self) -> Sequence[str]:
+        """Names by class id."""
 
     def __len__(self) -> int:
         """Views of all scenes."""

@@ -53,7 +53,9 @@ class LabelledMaps:
 class MapImages(Protocol):
     """Whole labelled maps."""
 
-    classes: Sequence[str]
+    @property
+    def classes(self) -> Sequence[str]:
+        """Names by class id."""
 
     def __len__(self) -> int:
         """Number of maps."""

@@ -20,7 +20,10 @@ class Samples(Protocol):
 
     kind: str
     geometry: str
-    classes: Sequence[str]
+
+    @property
+    def classes(self) -> Sequence[str]:
+        """Names by class id."""
 
     def __len__(self) -> int:
         """Number of samples per epoch."""
