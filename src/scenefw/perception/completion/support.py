@@ -11,7 +11,7 @@ from scenefw.core.types import Pose
 from scenefw.fitting.placed import EDGE_POINTS, MIN_HALF_AXIS, in_frame_of, shape_of
 from scenefw.perception.observation.components import TOUCH
 from scenefw.perception.observation.free_space import free_ratio
-from scenefw.perception.observation.points import MIN_PARALLEL_COSINE, MINORITY
+from scenefw.perception.observation.points import MIN_PARALLEL_COSINE, MINORITY, STRAYS
 from scenefw.shapes.object_shell import Foot
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def extend_shells(hypothesis: ObjectSet, view: Observation) -> ObjectSet:
     shells = {}
     for label, shell in hypothesis.shells.items():
         places = shell.places()
-        bottom = float(places[:, 2].min())
+        bottom = float(np.quantile(places[:, 2], STRAYS))
         neighbours = [shape for other, shape in shapes.items() if other != label]
         footprint = places[:: len(places) // EDGE_POINTS**2 + 1]
         gap = _gap(footprint, bottom, neighbours, view.clear, view.grid)
