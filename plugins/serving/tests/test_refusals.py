@@ -25,7 +25,10 @@ def npz_without_intrinsics():
         ({"depth": ("a.npz", b"PK\x03\x04broken")}, "cannot read a.npz"),
         ({"depth": ("a.npz", npz(depth=FRAME.depth * 0))}, "no measurements"),
         ({"depth": ("a.npz", npz(depth=FRAME.depth[0]))}, "shape"),
-        ({"depth": ("a.npz", npz(depth=FRAME.depth * 1000))}, " numbers with depth_scale=0.001"),
+        (
+            {"depth": ("a.npz", npz(depth=FRAME.depth * 1000))},
+            " is in metres; multiply it by 0.001",
+        ),
         ({"depth": ("a.npz", npz_without_intrinsics())}, "store them in it or give intrinsics"),
         ({"depth": ("a.npz", npz()), "scores": b"[1]"}, "no masks"),
         ({"depth": ("a.npz", npz(masks=np.ones((2, 120, 160)), scores=[1]))}, "scores have shape"),

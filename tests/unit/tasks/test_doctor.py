@@ -80,4 +80,4 @@ def test_command_line(tmp_path, scenefw):
     assert done.returncode == 2
     (line,) = done.stderr.splitlines()
     assert line.startswith("error: depth of b.npz has a median of")
-    assert line.endswith("depth in floats is in metres; store it so")
+    assert line.endswith("depth in floats is in metres; multiply it by 0.001")

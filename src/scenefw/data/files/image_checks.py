@@ -87,7 +87,8 @@ def _likely_unit(median: float, stored: Stored) -> str:
     read_as = _UNITS.get(stored.unit, f"units of {stored.unit:g} m")
     guess = f": {_UNITS[unit]} given as {read_as}? " if likely else "; "
     if stored.key is not None:
-        return f"{guess}{stored.key} is in {read_as}; store it so"
+        remedy = f"multiply it by {unit / stored.unit:g}" if likely else "store it so"
+        return f"{guess}{stored.key} is in {read_as}; {remedy}"
     return f"{guess}give run.depth_scale={f'{unit:g}' if likely else 'METRES_PER_UNIT'}"
 
 

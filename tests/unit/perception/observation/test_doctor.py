@@ -38,7 +38,7 @@ def test_a_good_view_has_no_warning(frame):
 
 def test_millimetres_as_metres(frame):
     with pytest.raises(
-        InputError, match=r"millimetres given as metres\? .* in metres; store it so"
+        InputError, match=r"millimetres given as metres\? .* in metres; multiply it by 0.001"
     ):
         Doctor().examine_frame(replace(frame, depth=frame.depth * 1000))
 
