@@ -27,7 +27,7 @@ def npz_without_intrinsics():
         ({"depth": ("a.npz", npz(depth=FRAME.depth[0]))}, "shape"),
         (
             {"depth": ("a.npz", npz(depth=FRAME.depth * 1000))},
-            " is in metres; multiply it by 0.001",
+            "in metres; multiply it by 0.001",
         ),
         ({"depth": ("a.npz", npz_without_intrinsics())}, "store them in it or give intrinsics"),
         ({"depth": ("a.npz", npz()), "scores": b"[1]"}, "no masks"),

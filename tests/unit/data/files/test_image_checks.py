@@ -37,7 +37,7 @@ def test_bad_depth_is_one_line(depth, words):
         (
             800,
             Stored(),
-            r"800 m: millimetres given as metres\? depth in floats is in metres; multiply it by 0.001$",
+            r"millimetres given as metres\? depth in floats is in metres; multiply it by 0.001$",
         ),
         (8000, Stored(), "8000 m: tenths of millimetres given as metres"),
         (8e5, Stored(), "800000 m: micrometres given as metres"),
