@@ -175,14 +175,14 @@ def test_nothing_lies_before_what_was_measured():
         assert top == pytest.approx(box.upper[2], abs=0.006)
 
 
-def test_what_is_visible_is_at_least_a_pixel_thick():
+def test_what_is_visible_is_as_thick_as_its_mesh_can_show():
     """The network lets each box end before it begins."""
     (hypothesis,), _, model = completed(exit_error=-0.3)
     for label, shell in hypothesis.shells.items():
         visible = model.crops.visible[label - 1].numpy()
         assert shell.amodal[visible].mean() > 0.95  # the network leaves out edges
         thickness = (shell.depths[EXIT] - shell.depths[ENTRY])[visible & shell.amodal]
-        assert thickness.min() == pytest.approx(shell.pixel, rel=0.2)
+        assert thickness.min() == pytest.approx(2 * shell.voxel, rel=0.05)
 
 
 def test_no_object_is_longer_than_its_crop_is_wide():
@@ -203,7 +203,7 @@ def test_the_first_hypothesis_is_the_best_guess_and_others_follow_their_codes():
             moved = shell.depths[1] - first.depths[1]
             expected = 0.01 * float(model.codes[number, label - 1, 0])
             thinner = np.minimum(*(np.subtract(*s.depths[[EXIT, ENTRY]]) for s in (shell, first)))
-            is_thick = shell.amodal & first.amodal & (thinner > 1.2 * shell.pixel)
+            is_thick = shell.amodal & first.amodal & (thinner > 2.1 * shell.voxel)
             assert is_thick.sum() > 50
             np.testing.assert_allclose(moved[is_thick], expected, atol=1e-6)
     again, _, _ = completed(samples=3)

@@ -26,6 +26,7 @@ ENTRY, EXIT, GAP_START, GAP_END = range(4)
 """Depths of a shell: where a ray enters, leaves, and between both, what it passes of a hollow."""
 
 _MIN_DEPTH = 1e-6  # m: places behind the camera are before it
+_MIN_VOXEL = 0.003  # m: finer ones show the noise of depth cameras alone
 _MARGIN = 2  # voxels about a mesh's box, so that it is closed
 _TAUBIN_STEPS = 20  # leave 0.03 % of bumps 3 voxels wide and 96 % of those 10 wide
 _TAUBIN_INFLATION = 0.53  # after each shrinking by 0.5, as Taubin has it: volumes stay
@@ -122,6 +123,11 @@ class ObjectShell:
     def pixel(self) -> float:
         """Width of a pixel at the object (m)."""
         return float(np.median(self.depths[ENTRY][self.amodal]) / self.camera.fx)
+
+    @property
+    def voxel(self) -> float:
+        """Side of the voxels of its mesh (m): a pixel there, but no finer than noise."""
+        return max(self.pixel, _MIN_VOXEL)
 
     def places(self) -> Float64:
         """Points (P, 3) where all rays that meet it enter and leave it, in the world."""

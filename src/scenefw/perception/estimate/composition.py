@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from scenefw.perception.steps import Objects, ObjectSet
     from scenefw.shapes.object_shell import ObjectShell
 
-_MIN_VOXEL = 0.003  # m: of meshes of shells; finer ones show the noise of depth cameras alone
 _REACH = 4  # voxels around rough volumes whose distances stay too
 
 
@@ -69,7 +68,7 @@ def shell_meshes(shells: Mapping[int, ObjectShell]) -> dict[int, TriangleMesh]:
 
 @cached_by_identity
 def _shell_mesh(shell: ObjectShell) -> TriangleMesh | None:
-    return shell.mesh(max(shell.pixel, _MIN_VOXEL))
+    return shell.mesh(shell.voxel)
 
 
 def with_shells(

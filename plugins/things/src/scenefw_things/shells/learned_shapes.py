@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from scenefw_things.shells.batches import ShellPrediction
     from scenefw_things.shells.protocols import ObjectShellModel
 
+_MIN_THICKNESS = 2.0  # voxels of its mesh, of what is visible: thinner, a mesh has holes
 _SIGMAS = 3.0  # deviations of a measured depth within which the visible surface lies
 
 
@@ -128,8 +129,10 @@ def _shell(
     reach = _SIGMAS * view.noise.at(measured)
     latest = np.where(visible, measured + reach, np.inf)
     depths[ENTRY] = depths[ENTRY].clip(measured - reach, latest)
-    camera = camera_of(crops.cameras, row)
-    thinnest = depths[ENTRY] + measured / camera.fx  # a pixel: what is visible has some thickness
-    depths[EXIT] = np.where(visible, np.maximum(depths[EXIT], thinnest), depths[EXIT])
-    amodal &= depths[EXIT] > depths[ENTRY]
-    return ObjectShell(camera, amodal, hollow & amodal, depths)
+    shell = ObjectShell(camera_of(crops.cameras, row), amodal, hollow & amodal, depths)
+    if not amodal.any():
+        return shell
+    thick = np.maximum(depths[EXIT], depths[ENTRY] + _MIN_THICKNESS * shell.voxel)
+    depths[EXIT] = np.where(visible, thick, depths[EXIT])
+    amodal = amodal & (depths[EXIT] > depths[ENTRY])
+    return replace(shell, amodal=amodal, hollow=hollow & amodal, depths=depths)
