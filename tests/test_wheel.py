@@ -61,10 +61,10 @@ def lend_compiled_kernels(packages, cache):
     shared = Path(numba.config.CACHE_DIR)
     own = cache / "scenefw" / "kernels" / shared.name
     own.mkdir(parents=True)
-    there = packages / "scenefw" / "kernels" / "compile.py"
-    here, there = (_CacheLocator.get_suitable_cache_subpath(p) for p in (kernels.__file__, there))
-    (shared / here).mkdir(parents=True, exist_ok=True)
-    (own / there).symlink_to(shared / here)
+    sources = kernels.__file__, packages / "scenefw" / "kernels" / "compile.py"
+    source, target = map(_CacheLocator.get_suitable_cache_subpath, sources)
+    (shared / source).mkdir(parents=True, exist_ok=True)
+    (own / target).symlink_to(shared / source)
 
 
 @pytest.fixture

@@ -46,9 +46,10 @@ class TrueShells(torch.nn.Module):
 
     latent_size = 3
 
-    def __init__(self, boxes, entry_error=0.0, exit_error=0.0):
+    def __init__(self, boxes, entry_error=0.0, exit_error=0.0, hollow_draws=False):
         super().__init__()
         self.boxes, self.entry_error, self.exit_error = boxes, entry_error, exit_error
+        self.hollow_draws = hollow_draws
         self.weight = torch.nn.Parameter(torch.zeros(1))
         self.codes = self.crops = None
 
@@ -63,7 +64,9 @@ class TrueShells(torch.nn.Module):
         depths[:, ENTRY] += self.entry_error
         depths[:, EXIT] += self.exit_error
         amodal = torch.where(amodal, 5.0, -5.0).repeat(count, 1, 1)
-        return ShellPrediction(amodal, torch.full_like(amodal, -5.0), depths.float())
+        hollow = torch.full_like(amodal, -5.0)
+        hollow[len(self.boxes) :] *= -1 if self.hollow_draws else 1
+        return ShellPrediction(amodal, hollow, depths.float())
 
     @staticmethod
     def shell(camera, box):
@@ -183,6 +186,12 @@ def test_what_is_visible_is_as_thick_as_its_mesh_can_show():
         assert shell.amodal[visible].mean() > 0.95  # the network leaves out edges
         thickness = (shell.depths[EXIT] - shell.depths[ENTRY])[visible & shell.amodal]
         assert thickness.min() == pytest.approx(2 * shell.voxel, rel=0.05)
+
+
+@pytest.mark.parametrize("hollow_draws", [False, True])
+def test_a_solid_is_one_in_all_hypotheses(hollow_draws):
+    sets, _, _ = completed(samples=3, hollow_draws=hollow_draws)
+    assert not any(shell.hollow.any() for item in sets for shell in item.shells.values())
 
 
 def test_no_object_is_longer_than_its_crop_is_wide():

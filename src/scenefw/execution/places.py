@@ -69,8 +69,8 @@ def strangers(output: Path) -> list[Path]:
     if not output.is_dir():
         return []
     files = [file for file in output.iterdir() if not file.is_dir()]
-    kept = _kept_before(output)
-    return files if kept is None else [file for file in files if file.name in kept]
+    names = _kept_before(output)
+    return files if names is None else [file for file in files if file.name in names]
 
 
 def _kept_before(output: Path) -> list[str] | None:

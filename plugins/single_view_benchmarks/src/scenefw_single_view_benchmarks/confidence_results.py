@@ -219,10 +219,10 @@ def _rank(expected: Float64, iou: Float64, axis: int = -1) -> Float64:
     if expected.shape[axis] < _MIN_RANKED:
         return np.array(np.nan)
     ranks = [stats.rankdata(values, axis=axis) for values in (expected, iou)]
-    one, other = (rank - rank.mean(axis=axis, keepdims=True) for rank in ranks)
-    squares = (one**2).sum(axis=axis) * (other**2).sum(axis=axis)
+    centred_ranks = np.stack([rank - rank.mean(axis=axis, keepdims=True) for rank in ranks])
+    squares = (centred_ranks**2).sum(axis=axis).prod(axis=0)
     with np.errstate(invalid="ignore"):  # equal values have no correlation
-        return np.asarray((one * other).sum(axis=axis) / np.sqrt(squares))
+        return np.asarray(centred_ranks.prod(axis=0).sum(axis=axis) / np.sqrt(squares))
 
 
 def _resampled(
