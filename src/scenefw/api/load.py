@@ -14,7 +14,6 @@ from scenefw.config import near_misses, package_dir, quoted
 from scenefw.core.errors import ConfigError
 
 if TYPE_CHECKING:
-    from scenefw.api.decomposer import Decomposer
     from scenefw.api.labeller import Labeller
     from scenefw.api.predictor import Predictor
 
@@ -37,23 +36,18 @@ def load(name: Literal["labelling"], *overrides: str, **settings: Setting) -> La
 
 
 @overload
-def load(name: Literal["decomposing"], *overrides: str, **settings: Setting) -> Decomposer: ...
-
-
-@overload
 def load(name: str, *overrides: str, **settings: Setting) -> Any: ...
 
 
 def load(name: str = "reconstruction", *overrides: str, **settings: Setting) -> Any:
     """What the command line predicts, labels or draws with, ready to take arrays.
 
-    It is built as `run=predict`, `run=label` and `run=decompose` build it, so the same image gives
-    the same result. Plugins add names (`scenes` of `scene_prior`, as `run=draw_scenes`).
+    It is built as `run=predict` and `run=label` build it, so the same image gives the same result.
+    Plugins add names (`decomposing`, as `run=decompose`; `scenes`, as `run=draw_scenes`).
 
     Args:
         name: `reconstruction` completes the objects of a depth image; `labelling` fuses RGB-D
-            frames into a labelled height map; `decomposing` takes meshes of scenes,
-            or depth images with poses, apart into objects.
+            frames into a labelled height map; other names are of plugins.
         overrides: as on the command line, such as `"segmentation=creases"`
             or `"reconstructor.samples=1"`.
         settings: the same by name, such as `device="cpu"` or `checkpoint="my.safetensors"`.
@@ -85,14 +79,10 @@ def load(name: str = "reconstruction", *overrides: str, **settings: Setting) -> 
         from scenefw.api.labeller import Labeller
 
         return Labeller.built(Settings(["run=label", *words]))
-    if name == "decomposing":
-        from scenefw.api.decomposer import Decomposer
-
-        return Decomposer.built(Settings(["run=decompose", *words]))
     of_plugins = loaders()
     if name in of_plugins:
         return of_plugins[name].built(words)
-    names = ["reconstruction", "labelling", "decomposing", *of_plugins]
+    names = ["reconstruction", "labelling", *of_plugins]
     suggestion = near_misses(name, names)
     raise ConfigError(f"scenefw.load has no '{name}'; {suggestion}")
 

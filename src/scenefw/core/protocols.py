@@ -230,27 +230,6 @@ class Reconstructor(Protocol):
         """Complete scenes of B partial views, `samples` times, or once if all are the same."""
 
 
-class SeveralViewsReconstructor(Protocol):
-    """A method that makes one complete scene of several views of it (group `several_views`)."""
-
-    @property
-    def grid(self) -> GridSpec | None:
-        """The grid of its volumes; None if it takes any."""
-
-    def complete_views(
-        self,
-        views: Sequence[PartialTSDF],
-        grid: GridSpec,
-        samples: int,
-        generator: torch.Generator,
-    ) -> Sequence[Completion]:
-        """Complete scenes (batches of one), `samples` times, or once if all are the same.
-
-        Raises:
-            InputError: no view, or views that contradict each other.
-        """
-
-
 class ShapeFit(Protocol):
     """A method that explains what views say about objects by superquadrics (group `fit`)."""
 

@@ -29,11 +29,11 @@ if TYPE_CHECKING:
         Matching,
         Noise,
         Renderer,
-        SeveralViewsReconstructor,
         Track,
     )
     from scenefw.core.types import GridSpec
     from scenefw.data.batches.stacks import SceneSet
+    from scenefw_decomposing.protocols import SeveralViewsReconstructor
 
 _VIEWS, _POINTS, _CODES = 21, 22, 23  # random streams
 

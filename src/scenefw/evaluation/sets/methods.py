@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from torch import Tensor
 
-    from scenefw.core.batches import Completion, PartialTSDF
+    from scenefw.core.batches import PartialTSDF
     from scenefw.core.object_sets import ObjectSetBatch
     from scenefw.core.protocols import InstanceExtractor, Reconstructor
     from scenefw.core.training_protocols import DrawnSetModel, ObjectSetModel, TrainedOnGrid
@@ -169,31 +169,6 @@ class ReconstructedSet:
         """Its most typical scene."""
         completions = self.reconstructor.complete(scene.partial, scene.grid, 1, scene.draws)
         return of_instances(completions[0].instances[0])
-
-
-class CompleteScene(Protocol):
-    """A method that takes complete volumes apart (`perception.multiview.all_sides.AllSides`)."""
-
-    def decompose(self, tsdf: Tensor, grid: GridSpec, generator: torch.Generator) -> Completion:
-        """The objects of one volume (m)."""
-
-
-class DecomposedVolume:
-    """Objects of the true TSDF of the whole scene, which says more than its occupancy does.
-
-    Args:
-        method: takes it apart.
-    """
-
-    grid = None  # it takes any
-
-    def __init__(self, method: CompleteScene) -> None:
-        self.method = method
-
-    def decompose(self, scene: SeenSet) -> FoundSet:
-        """The objects of one scene."""
-        completion = self.method.decompose(scene.tsdf, scene.grid, scene.draws)
-        return of_instances(completion.instances[0])
 
 
 class Nothing:

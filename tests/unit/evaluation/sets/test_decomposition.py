@@ -14,7 +14,6 @@ from scenefw.data.batches.stacks import StackScenes
 from scenefw.evaluation.sets.decomposition import DecompositionEvaluation
 from scenefw.evaluation.sets.methods import (
     Components,
-    DecomposedVolume,
     FoundSet,
     NetworkDecomposer,
     Nothing,
@@ -28,7 +27,6 @@ from scenefw.models.set_autoencoder import SetAutoencoder
 from scenefw.models.set_vae import SetVAE
 from scenefw.postprocessing.connected_components import ConnectedComponents
 from scenefw.renderers.sphere_tracer import SphereTracer
-from scenefw.representations.volumes import scene_volumes
 
 GRID = GridSpec(16)
 SMALL = {"encoder_widths": (4, 4), "decoder_widths": (4, 4), "code_size": 4}
@@ -150,30 +148,6 @@ def test_instances_of_a_reconstructor_become_a_set():
     assert found.objects[0, 4, 0, 0]
     assert found.labels[4, 0, 0] == 1
     assert found.labels[0, 0, 0] == 2
-
-
-class WholeVolume:
-    """Keeps the volume it was given, and says that all of it is one object."""
-
-    def decompose(self, tsdf, grid, generator):
-        self.tsdf, self.grid = tsdf, grid
-        return Completion(tsdf[:, 0], (tsdf[:, 0] < 0).int())
-
-
-def test_complete_volumes_are_taken_apart_without_a_network(tmp_path):
-    """The grid is the evaluation's own, and the method is given the true distances."""
-    method = WholeVolume()
-    chosen = {"volume": DecomposedVolume(method), "nothing": Nothing(0.01)}
-    made = evaluation(tmp_path, chosen, grid=GRID)
-    figures = made.run().figures
-    assert figures["occupancy_iou"] == 1.0
-    assert figures["count_excess"] == pytest.approx(1 - figures["objects"])  # all of them as one
-    assert figures["objects"] > 1
-    assert figures["object_iou"] < 0.7
-    last = made.scenes.parameters([len(made.scenes) - 1], "cpu")
-    true = scene_volumes(last, GRID).tsdf
-    torch.testing.assert_close(method.tsdf, true)
-    assert method.grid == GRID
 
 
 def test_what_does_not_exist_is_no_object(tmp_path):

@@ -1,0 +1,68 @@
+"""Meshes of scenes: z up and in metres from every format, or one clear line."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from scenefw.core import geometry
+from scenefw.core.errors import InputError
+from scenefw_decomposing.scene_meshes import is_mesh, read_scene_mesh
+
+
+def tall(path, factor=1.0):
+    """A box 10 x 20 x 30 cm, z up as the format says it."""
+    box = trimesh.creation.box((0.1 * factor, 0.2 * factor, 0.3 * factor))
+    if path.suffix in (".glb", ".gltf"):
+        box.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, [1, 0, 0]))
+    box.export(path)
+    return path
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".obj", ".stl", ".off", ".glb"])
+def test_formats(tmp_path, suffix):
+    file = tall(tmp_path / f"scene{suffix}")
+    mesh, T = read_scene_mesh(file)  # noqa: N806
+    raw = trimesh.load(file, force="mesh", process=False).vertices
+    np.testing.assert_allclose(mesh.vertices, geometry.transform_points(T, raw), atol=1e-9)
+    np.testing.assert_allclose(np.ptp(mesh.vertices, axis=0), [0.1, 0.2, 0.3], atol=1e-6)
+    corners = mesh.vertices[mesh.faces]
+    volume = np.einsum("fi,fi->f", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6
+    assert volume == pytest.approx(0.006, rel=1e-5)  # not mirrored
+    assert is_mesh(tmp_path / f"scene{suffix.upper()}")
+
+
+def test_several_objects_of_a_file(tmp_path):
+    scene = trimesh.Scene()
+    for place in (0.0, 0.5):
+        moved = trimesh.transformations.translation_matrix((place, 0, 0))
+        scene.add_geometry(trimesh.creation.box((0.1, 0.1, 0.1)), transform=moved)
+    scene.export(tmp_path / "two.glb")
+    mesh, _ = read_scene_mesh(tmp_path / "two.glb")
+    assert len(mesh.faces) == 24
+    np.testing.assert_allclose(np.ptp(mesh.vertices, axis=0), [0.6, 0.1, 0.1], atol=1e-6)
+
+
+def test_units(tmp_path):
+    file = tall(tmp_path / "mm.ply", 1000)
+    with pytest.raises(InputError, match=r"300 m wide; .* run\.mesh_scale .*=0\.001"):
+        read_scene_mesh(file)
+    scaled, T = read_scene_mesh(file, 0.001)  # noqa: N806
+    np.testing.assert_allclose(T, np.diag([0.001, 0.001, 0.001, 1.0]))
+    np.testing.assert_allclose(np.ptp(scaled.vertices, axis=0), [0.1, 0.2, 0.3], atol=1e-6)
+    with pytest.raises(InputError, match=r"only 0\.3 mm wide"):
+        read_scene_mesh(tall(tmp_path / "km.ply", 0.001))
+
+
+def test_unusable_files(tmp_path):
+    with pytest.raises(InputError, match=r"no file .*none\.ply"):
+        read_scene_mesh(tmp_path / "none.ply")
+    for name in ("bad.ply", "bad.stl", "bad.glb", "bad.obj", "bad.off"):
+        (tmp_path / name).write_bytes(b"hello\n")
+        with pytest.raises(InputError, match=f"{name}"):
+            read_scene_mesh(tmp_path / name)
+    trimesh.PointCloud(np.random.default_rng(0).random((9, 3))).export(tmp_path / "points.ply")
+    with pytest.raises(InputError, match="no triangles; make a surface"):
+        read_scene_mesh(tmp_path / "points.ply")
+    (tmp_path / "nan.obj").write_text("v 0 0 0\nv nan 0 0\nv 0 1 0\nf 1 2 3\n")
+    with pytest.raises(InputError, match=r"nan\.obj has vertices that are not numbers"):
+        read_scene_mesh(tmp_path / "nan.obj")
