@@ -10,9 +10,9 @@ from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.geometry import rigid
 from scenefw.export.scene_files import OBJ
 from scenefw.export.scene_folder import write_scene_files
-from scenefw.perception.editing.stored_scenes import read_scene
 from scenefw.perception.estimate.transforms import moved
 from scenefw.report.palette import colours_of
+from scenefw_editing.stored_scenes import read_scene
 from scenefw_editing.task import Edit
 
 

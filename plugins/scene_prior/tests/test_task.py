@@ -11,7 +11,7 @@ from plugins.scene_prior.tests.test_prior import GRID, HALF, Loaded, Told
 from scenefw.core.errors import ConfigError
 from scenefw.export.scene_files import OBJ
 from scenefw.learning.checkpoint import save_checkpoint
-from scenefw.perception.editing.stored_scenes import read_scene
+from scenefw_editing.stored_scenes import read_scene
 from scenefw_scene_prior.network import SetFlow
 from scenefw_scene_prior.prior import ScenePrior
 from scenefw_scene_prior.sampler import Sampler

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from scenefw.api.scene import Scene
-from scenefw.core.errors import InputError, require_whole
+from scenefw.api.output import render, save
+from scenefw.core.errors import ConfigError, InputError, require_whole
 from scenefw.perception.estimate.base_frame import TRACKS
 
 if TYPE_CHECKING:
@@ -80,16 +80,25 @@ class Prediction:
         name = self.estimate.frame.name
         return f"Prediction({name!r}, {len(self.objects)} objects, {len(self.samples)} samples)"
 
-    def scene(self, sample: int = 0) -> Scene:
-        """A scene to change: remove, move, scale, swap and add objects, settle, save.
+    def scene(self, sample: int = 0) -> Any:
+        """A scene to change (plugin `editing`): remove, move, scale and add objects, settle, save.
 
         Args:
             sample: which of the scenes.
 
         Raises:
             InputError: there is no such sample.
+            ConfigError: the plugin `editing` is missing.
         """
-        return Scene.of(self._sample(sample))
+        from scenefw.api.load import loaders
+
+        source = loaders().get("scene")
+        if source is None:
+            raise ConfigError(
+                "scene() needs the plugin editing, which is missing; install scenefw with its "
+                "plugins"
+            )
+        return source.of(self._sample(sample))
 
     def save(self, path: str | Path, *, sample: int = 0, **settings: Any) -> Path:
         """Writes a scene; the suffix chooses the format.
@@ -108,7 +117,7 @@ class Prediction:
             InputError: an unknown suffix or setting, or no such sample.
             StorageError: the file can't be written.
         """
-        return self.scene(sample).save(path, **settings)
+        return save(self._sample(sample), path, settings)
 
     def next_views(
         self, poses: Sequence[ArrayLike] | None = None, *, count: int = 48
@@ -146,7 +155,7 @@ class Prediction:
         Raises:
             InputError: what was given is no camera, or no such sample.
         """
-        return self.scene(sample).render(camera, turn=turn)
+        return render(self._sample(sample), camera, turn)
 
     def _sample(self, number: int) -> SceneEstimate:
         require_whole(number, "sample")

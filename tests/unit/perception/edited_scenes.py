@@ -13,9 +13,9 @@ from scenefw.core.types import (
     SceneEstimate,
     TriangleMesh,
 )
-from scenefw.perception.editing.scene_editing import with_objects
 from scenefw.perception.estimate.objects import estimate_objects
 from scenefw.shapes.superquadric import Superquadric
+from scenefw_editing.scene_editing import with_objects
 
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 CAMERA = Camera(

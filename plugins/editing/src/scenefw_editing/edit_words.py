@@ -8,13 +8,13 @@ from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any
 
 from scenefw.core.errors import InputError
-from scenefw.perception.editing import scene_editing
+from scenefw_editing import scene_editing
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from scenefw.core.types import SceneEstimate
-    from scenefw.perception.editing.scene_editing import Objects
+    from scenefw_editing.scene_editing import Objects
 
     Read = Callable[[str], SceneEstimate]
 

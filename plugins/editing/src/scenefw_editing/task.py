@@ -13,8 +13,6 @@ from scenefw.core.files import require_writable
 from scenefw.core.folders import replacing_folder, require_replaceable
 from scenefw.core.protocols import SceneFormat, Settling
 from scenefw.core.types import SceneEstimate
-from scenefw.perception.editing.scene_editing import with_objects
-from scenefw.perception.editing.stored_scenes import read_scene
 from scenefw.perception.physics.contacts import contact_words
 from scenefw.perception.physics.settling import words as settled_words
 from scenefw.report.blocks import Section
@@ -26,6 +24,8 @@ from scenefw.report.scenes3d import Scene3D, layer, packed
 from scenefw.tasks.scene_files import write_scene
 from scenefw_editing.edit_words import USAGES, edited
 from scenefw_editing.pictures import draw_edited, object_table
+from scenefw_editing.scene_editing import with_objects
+from scenefw_editing.stored_scenes import read_scene
 
 _END = "_edited"
 
@@ -39,7 +39,7 @@ class Edit:
 
     Args:
         input: `scene.json` of a prediction, or the folder that holds it.
-        edits: in words, such as `move 1 0.1 0 0`; see `perception.editing.edit_words`.
+        edits: in words, such as `move 1 0.1 0 0`; see `edit_words`.
         output: where the folder goes.
         settling: lets the objects come to rest afterwards; None leaves them where they are.
         exports: what writes further files of the scene, by name.

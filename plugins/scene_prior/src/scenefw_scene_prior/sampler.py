@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING
 
-from scenefw.api.scene import Scene
 from scenefw.api.settings import Settings
 from scenefw.core.errors import require_whole
+from scenefw_editing.scene import Scene
 
 if TYPE_CHECKING:
     from scenefw_scene_prior.prior import ScenePrior

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from scenefw.core.geometry import inverse
-from scenefw.perception.editing.scene_editing import named
 from scenefw.perception.estimate.transforms import moved, without
+from scenefw_editing.scene_editing import named
 
 if TYPE_CHECKING:
     from scenefw.core.types import Float64, ObjectEstimate, SceneEstimate

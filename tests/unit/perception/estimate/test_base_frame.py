@@ -11,13 +11,13 @@ from scenefw.core.types import Obstacle, TriangleMesh
 from scenefw.data.files.camera_pose import camera_pose_of
 from scenefw.export.scene_folder import write_scene_files
 from scenefw.export.summary import summarise
-from scenefw.perception.editing.stored_scenes import read_scene
 from scenefw.perception.estimate.base_frame import (
     floor_pose,
     in_base,
     on_floor,
     with_camera_in_base,
 )
+from scenefw_editing.stored_scenes import read_scene
 
 TURN = Rotation.from_euler("xyz", [170, 20, -65], degrees=True)
 POSE = rigid(TURN.as_matrix(), np.array([0.4, -0.2, 0.9]))

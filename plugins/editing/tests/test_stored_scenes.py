@@ -9,10 +9,10 @@ from scenefw.core.errors import InputError
 from scenefw.core.types import GridSpec, Obstacle, PlacedShape, Pose, TriangleMesh
 from scenefw.export.scene_folder import write_scene_files
 from scenefw.export.superquadrics import Superquadrics
-from scenefw.perception.editing.scene_editing import removed, scaled, with_objects
-from scenefw.perception.editing.stored_scenes import read_scene
 from scenefw.report.palette import colours_of
 from scenefw.shapes.vessel import Vessel
+from scenefw_editing.scene_editing import removed, scaled, with_objects
+from scenefw_editing.stored_scenes import read_scene
 
 
 @pytest.fixture(scope="module")

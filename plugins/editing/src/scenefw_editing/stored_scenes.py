@@ -23,13 +23,13 @@ from scenefw.core.types import (
     TriangleMesh,
 )
 from scenefw.data.files.structured import read_text
-from scenefw.perception.editing.scene_editing import with_objects
 from scenefw.perception.estimate.base_frame import from_base
 from scenefw.perception.observation.object_masks import MAX_ID
 from scenefw.shapes.solid_mesh import closed
 from scenefw.shapes.superellipsoid import Superellipsoid
 from scenefw.shapes.superquadric import Superquadric
 from scenefw.shapes.vessel import Vessel
+from scenefw_editing.scene_editing import with_objects
 
 if TYPE_CHECKING:
     from scenefw.core.types import Int32, Shape

@@ -7,27 +7,21 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from scenefw.api.formats import writer
+from scenefw.api.output import render, save
 from scenefw.api.settings import Settings
-from scenefw.core.errors import InputError
-from scenefw.core.folders import replacing_folder
-from scenefw.core.types import Camera
-from scenefw.export.scene_folder import write_scene_files
-from scenefw.perception.editing import scene_editing
-from scenefw.perception.editing.stored_scenes import read_scene
-from scenefw.perception.estimate.base_frame import in_base
+from scenefw.core.errors import ConfigError, InputError
 from scenefw.perception.physics.contacts import contact_words
 from scenefw.perception.physics.support_graph import SupportGraph, support_graph
-from scenefw.report.palette import colours_of
+from scenefw_editing import scene_editing
+from scenefw_editing.stored_scenes import read_scene
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
-    from scenefw.core.types import ObjectEstimate, PlacedShape, SceneEstimate
+    from scenefw.core.types import Camera, ObjectEstimate, PlacedShape, SceneEstimate
 
 _NOWHERE = (0.0, 0.0, 0.0)
 
@@ -57,6 +51,16 @@ class Scene:
             InputError: there is none, or it is damaged.
         """
         return cls.of(read_scene(Path(path).expanduser()))
+
+    @classmethod
+    def built(cls, words: Sequence[str]) -> Scene:
+        """The scene in `input`, as `run=edit` reads it."""
+        (path,) = Settings(words).build("input")
+        if path is None:
+            raise ConfigError(
+                'scenefw.load("scene") needs input=PATH of a scene.json or its folder'
+            )
+        return cls.read(path)
 
     @cached_property
     def estimate(self) -> SceneEstimate:
@@ -212,53 +216,9 @@ class Scene:
         return Scene.of(replace(estimate, details=settled.details))
 
     def save(self, path: str | Path, **settings: Any) -> Path:
-        """Writes the scene; the suffix chooses the format.
-
-        Args:
-            path: `.glb`, `.ply`, `.obj`; `.json` with poses and sizes, `.superquadrics.json`;
-                `.urdf` and `.xml` (MJCF) for simulators. Without a suffix it is a folder as of
-                `run=predict`, which `read` takes.
-            settings: of the format, such as `density=300.0` (kg/m^3) for simulators.
-
-        Returns:
-            The path.
-
-        Raises:
-            InputError: an unknown suffix or setting.
-            StorageError: the file can't be written.
-        """
-        path, colours = Path(path).expanduser(), colours_of(self.estimate)
-        estimate = in_base(self.estimate)
-        if path.suffix or settings:
-            writer(path, settings).write(path, estimate, colours)
-            return path
-        with replacing_folder(path) as folder:
-            write_scene_files(folder, estimate, colours)
-        return path
+        """Writes the scene, as `Prediction.save` does."""
+        return save(self.estimate, path, settings)
 
     def render(self, camera: Camera | None = None, *, turn: float = 0.0) -> NDArray[np.uint8]:
-        """A picture, RGB (H, W, 3) uint8, every object in its colour.
-
-        Args:
-            camera: from where; None = the image's own.
-            turn: degrees to go around the objects from there; then they fill the picture.
-
-        Raises:
-            InputError: what was given is no camera.
-        """
-        from scenefw.report.shading import draw, turned
-        from scenefw.report.solids import solid_of
-        from scenefw.report.window import by_label, vertices
-
-        estimate = self.estimate
-        camera = camera or estimate.frame.camera
-        if not isinstance(camera, Camera):
-            raise InputError(
-                f"render takes a scenefw.core.types.Camera, got a {type(camera).__name__}; leave "
-                "it out for the image's own, and give turn=150 to look from behind"
-            )
-        if turn:
-            camera = turned(camera, vertices(estimate), turn)
-        colours = by_label(estimate, colours_of(estimate))
-        solid = solid_of(estimate, colours)
-        return np.rint(np.clip(draw(solid, camera), 0, 1) * 255).astype(np.uint8)
+        """A picture, as of `Prediction.render`: RGB (H, W, 3) uint8."""
+        return render(self.estimate, camera, turn)

@@ -3,8 +3,8 @@ import pytest
 from tests.unit.perception.edited_scenes import scene
 
 from scenefw.api.prediction import Prediction
-from scenefw.api.scene import Scene
 from scenefw.core.errors import InputError
+from scenefw_editing.scene import Scene
 
 
 @pytest.fixture(scope="module")

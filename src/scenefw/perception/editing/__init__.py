@@ -1,1 +1,0 @@
-"""Changes of predicted scenes by hand."""
