@@ -13,13 +13,13 @@ from tests.unit.perception.blurred import seen
 from scenefw.core.errors import ConfigError, InputError, LabelsError
 from scenefw.core.geometry import look_at, transform_points
 from scenefw.core.types import Camera, Frame, GridSpec, SceneEstimate
-from scenefw.metrics.masks import mask_scores
 from scenefw.perception.evidence.visible_instances import visible_instances
 from scenefw.perception.observation.observation import Observation
 from scenefw.perception.observation.points import world_points
 from scenefw.perception.segmentation.colour_edges import ColourEdges
 from scenefw.perception.segmentation.crease_segmentation import CreaseSegmentation
 from scenefw_single_view_benchmarks.labelled_masks import LabelledMasks
+from scenefw_single_view_benchmarks.mask_scores import mask_scores
 from scenefw_single_view_benchmarks.outlines import Outlines
 from scenefw_single_view_benchmarks.stored_labels import StoredLabels
 

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scenefw.metrics.masks import MaskScores
 from scenefw.report.presentation import Chapter
 from scenefw_single_view_benchmarks.labelled_masks import (
     Failure,
@@ -13,6 +12,7 @@ from scenefw_single_view_benchmarks.labelled_masks import (
     LabelledMaskResult,
     Scored,
 )
+from scenefw_single_view_benchmarks.mask_scores import MaskScores
 from scenefw_single_view_benchmarks.seams import Seams
 
 sections = Chapter("scenefw_single_view_benchmarks.report").sections

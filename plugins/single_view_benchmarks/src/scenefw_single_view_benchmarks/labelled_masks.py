@@ -13,13 +13,13 @@ from scenefw.core.measures import Measure
 from scenefw.core.protocols import Track
 from scenefw.core.types import Float64, Frame, Int32, SceneEstimate
 from scenefw.data.files.readers import find_images, read_frame
-from scenefw.metrics.masks import MaskScores, mask_scores
 from scenefw.perception.evidence.visible_instances import visible_instances
 from scenefw.perception.observation.observation import Observation
 from scenefw.perception.observation.points import world_points
 from scenefw.perception.segmentation.colour_edges import ColourEdges
 from scenefw.perception.segmentation.crease_segmentation import CreaseSegmentation
 from scenefw_single_view_benchmarks.mask_measures import OF_MARGINS, REFERENCE, at_margin, of_images
+from scenefw_single_view_benchmarks.mask_scores import MaskScores, mask_scores
 from scenefw_single_view_benchmarks.seams import Seams, seam_scores
 
 Source = Literal["scores", "reference"]
@@ -213,7 +213,7 @@ class LabelledMasks:
         labels: of the images. Pixels without depth count for nothing.
         colour: moves ends of the reference's parts to edges of the colour image, as those of the
             method's; None: they stay.
-        tolerance: see `metrics.masks.mask_scores` and `metrics.seams.seam_scores`.
+        tolerance: see `mask_scores.mask_scores` and `seams.seam_scores`.
         margins: heights (m) up to which points belong to no object of either, for a table beside.
         beside: further methods by name, each for a row; None leaves one out.
         about: the images, for readers of the table, in sentences.

@@ -4,7 +4,7 @@ All are of table II of Xie et al., "Unseen Object Instance Segmentation for Robo
 IEEE Transactions on Robotics 2021 (arXiv 2007.08073), as others quote it; the table itself was not
 at hand. The paper's abstract says of UOIS-Net that its first stage "operates only on depth" and
 that its masks are then "refined using RGB". Protocol: all 111 images, RGB-D, the authors'
-evaluation (github.com/chrisdxie/uois, src/evaluation.py), which `metrics.masks` follows: borders
+evaluation (github.com/chrisdxie/uois, src/evaluation.py), which `mask_scores` follows: borders
 match within ceil(0.003 x image diagonal) = 3 pixels. That code sets no margin above a floor: a
 network decides by itself what is table.
 

@@ -16,8 +16,8 @@ from scenefw.metrics.instances import instance_scores
 from scenefw.metrics.occupancy import occupancy_iou
 from scenefw.perception.estimate.assembly import scene_estimate
 from scenefw.perception.observation.observation import Observation
-from scenefw.perception.ranking.displacement import displacement
 from scenefw_several_views.scene_in_views import SceneInViews
+from scenefw_single_view_benchmarks.displacement import displacement
 from scenefw_single_view_benchmarks.ranking_results import (
     ANY,
     BEST,

@@ -12,11 +12,11 @@ import numpy as np
 from scenefw.core.errors import ConfigError, InputError, LabelsError
 from scenefw.core.measures import Measure
 from scenefw.data.files.readers import find_images, read_frame
-from scenefw.metrics.masks import MaskScores, mask_scores
 from scenefw.metrics.sampling import sample_surface
 from scenefw.perception.evidence.mesh_distances import MeshDistances
 from scenefw.perception.observation.points import world_points
 from scenefw_single_view_benchmarks.labelled_masks import pixel_instances
+from scenefw_single_view_benchmarks.mask_scores import MaskScores, mask_scores
 from scenefw_single_view_benchmarks.sanity import FLAGS, sanity
 
 if TYPE_CHECKING:
@@ -163,7 +163,7 @@ class RealImages:
         input: a folder of depth images, or one whose folders hold some; deeper ones don't count.
         methods: by name, the main one first; None leaves one out.
         labels: by name, what is asked for them, one after another.
-        tolerance: see `metrics.masks.mask_scores`.
+        tolerance: see `mask_scores.mask_scores`.
         about: the images, for readers of the table, in sentences.
         earlier: figures of an earlier commit: its `name`, and `figures` by group.
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from scenefw.metrics.masks import radius, require_one_size
+from scenefw_single_view_benchmarks.mask_scores import radius, require_one_size
 
 Labels = NDArray[np.integer]
 Mask = NDArray[np.bool_]

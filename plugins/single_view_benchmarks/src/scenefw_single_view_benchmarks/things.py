@@ -11,12 +11,12 @@ import numpy as np
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.settings import NOT_NEGATIVE, POSITIVE, at_least
 from scenefw.evaluation.scored_scenes import scored_scenes
-from scenefw.metrics.masks import mask_scores
 from scenefw.metrics.object_sets import energy_score
 from scenefw.perception.physics import contacts
 from scenefw.perception.physics.bodies import BodyMaker
 from scenefw.scenes.simulation import motions
 from scenefw_single_view_benchmarks.confidence_results import ObjectConfidence
+from scenefw_single_view_benchmarks.mask_scores import mask_scores
 from scenefw_single_view_benchmarks.object_shapes import SolidShape, shape_scores
 from scenefw_single_view_benchmarks.seams import seam_scores
 from scenefw_single_view_benchmarks.shape_methods import (
@@ -74,7 +74,7 @@ class ThingsEvaluation:
         furthest: centres of stable scenes move less (m).
         steepest: objects of stable scenes turn less (degrees).
         voxel: side of the voxels of IoUs (m).
-        tolerance: see `metrics.masks.mask_scores`.
+        tolerance: see `mask_scores.mask_scores`.
         min_pixels: objects of fewer visible pixels (of an image 640 wide) count for nothing.
         about: the images, for readers, in sentences.
         workers: images at once; None: as many as torch has threads.

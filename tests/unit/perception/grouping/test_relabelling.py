@@ -16,13 +16,13 @@ from scenefw.core.batches import PartialTSDF
 from scenefw.core.errors import InputError
 from scenefw.core.types import GridSpec
 from scenefw.data.files.readers import read_frame
-from scenefw.metrics.masks import mask_scores
 from scenefw.perception.evidence.visible_instances import visible_instances
 from scenefw.perception.grouping.hulls import HullFilling
 from scenefw.perception.grouping.relabelling import ObjectGrouping, reassigned
 from scenefw.perception.observation.observation import Observation
 from scenefw.perception.segmentation.crease_segmentation import CreaseSegmentation
 from scenefw.perception.steps import Objects
+from scenefw_single_view_benchmarks.mask_scores import mask_scores
 
 EYE = (0.0, -0.85, 0.6)
 

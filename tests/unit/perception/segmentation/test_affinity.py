@@ -14,13 +14,13 @@ from scenefw.core.errors import ConfigError
 from scenefw.data.files.readers import read_frames
 from scenefw.learning.checkpoint import load_checkpoint
 from scenefw.losses.part_affinity import true_affinities
-from scenefw.metrics.masks import mask_scores
 from scenefw.perception.observation.floor import FloorFinder
 from scenefw.perception.observation.observation import Observation
 from scenefw.perception.segmentation import affinity as affinity_parts
 from scenefw.perception.segmentation.affinity import AffinitySegmentation
 from scenefw.perception.segmentation.crease_segmentation import CreaseSegmentation
 from scenefw.perception.segmentation.region_merging import RegionMerging
+from scenefw_single_view_benchmarks.mask_scores import mask_scores
 
 
 class Knowing(torch.nn.Module):

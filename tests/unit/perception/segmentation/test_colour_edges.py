@@ -10,9 +10,9 @@ from scipy.ndimage import binary_dilation, distance_transform_edt, gaussian_filt
 from tests.unit.perception.blurred import seen
 
 from scenefw.core.errors import ConfigError
-from scenefw.metrics.masks import mask_scores
 from scenefw.perception.observation.observation import Observation
 from scenefw.perception.segmentation.colour_edges import ColourEdges
+from scenefw_single_view_benchmarks.mask_scores import mask_scores
 
 SIZES = [(240, 320), (480, 640)]
 

@@ -12,10 +12,10 @@ from scenefw.core.errors import ConfigError
 from scenefw.core.geometry import look_at, transform_points
 from scenefw.core.types import Camera, Frame
 from scenefw.data.files.readers import read_frames
-from scenefw.metrics.masks import mask_scores
 from scenefw.perception.observation.floor import FloorFinder
 from scenefw.perception.observation.observation import Observation
 from scenefw.perception.segmentation.crease_segmentation import CreaseSegmentation
+from scenefw_single_view_benchmarks.mask_scores import mask_scores
 
 CAMERA = Camera(120, 90, 110.0, 110.0, 59.5, 44.5, look_at((0.0, -0.6, 0.8), (0.0, 0.0, 0.0)))
 

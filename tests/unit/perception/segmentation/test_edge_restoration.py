@@ -18,12 +18,12 @@ from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.types import GridSpec
 from scenefw.data.files.readers import read_frame
 from scenefw.mapping.projective import Projective
-from scenefw.metrics.masks import mask_scores
 from scenefw.perception.observation.observation import Observation
 from scenefw.perception.observation.points import world_points
 from scenefw.perception.segmentation.colour_edges import ColourEdges
 from scenefw.perception.segmentation.edge_restoration import EdgeRestoration, continued
 from scenefw.perception.segmentation.ramp_width import ramp_width
+from scenefw_single_view_benchmarks.mask_scores import mask_scores
 from scenefw_single_view_benchmarks.outlines import Outlines
 
 SIZES = [(320, 240), (640, 480)]

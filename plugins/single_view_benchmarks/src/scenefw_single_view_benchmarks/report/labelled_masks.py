@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from scenefw.metrics.masks import borders
 from scenefw.report.blocks import Picture, Section, Text
 from scenefw.report.measured import column
 from scenefw.report.palette import instance_colours
@@ -21,6 +20,7 @@ from scenefw_single_view_benchmarks.mask_measures import (
     REFERENCE,
     at_margin,
 )
+from scenefw_single_view_benchmarks.mask_scores import borders
 
 _SHOWN = (
     "overlap_f",

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from scenefw.core.settings import COUNT, POSITIVE
-from scenefw.perception.ranking.displacement import displacement
+from scenefw_single_view_benchmarks.displacement import displacement
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

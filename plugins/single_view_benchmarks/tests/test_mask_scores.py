@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scenefw.core.errors import InputError
-from scenefw.metrics.masks import borders, mask_scores
+from scenefw_single_view_benchmarks.mask_scores import borders, mask_scores
 
 
 def _image(*boxes, shape=(40, 60)):

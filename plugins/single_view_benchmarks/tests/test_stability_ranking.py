@@ -8,8 +8,8 @@ from tests.unit.perception.physics.test_settling import HALF, estimate
 from scenefw.core.errors import ConfigError
 from scenefw.core.types import TriangleMesh
 from scenefw.perception.physics.bodies import BodyMaker
-from scenefw.perception.ranking.by_stability import StabilityRanking
 from scenefw.scenes.engines.pybullet_engine import PyBulletEngine
+from scenefw_single_view_benchmarks.stability_ranking import StabilityRanking
 
 STANDS = (0.2, 0, HALF), (-0.1, 0, HALF)
 FALLS = (0.2, 0, HALF), (-0.1, 0, HALF + 0.05)
