@@ -25,9 +25,10 @@ parsed.install()
 # Tests of these packages render, fuse, simulate, train, or compile kernels
 SLOW = ("api", "evaluation", "kernels", "labelling", "learning", "mapping", "perception",
         "renderers", "scenes", "tasks")  # fmt: skip
-SLOW_PLUGINS = ("annotated_views", "decomposing", "editing", "grasping", "labelling_studies",
-                "onnx", "painting", "rerun", "scene_prior", "serving", "several_views",
-                "simulators", "single_view_benchmarks", "things", "tracking", "viewer")  # fmt: skip
+SLOW_PLUGINS = ("annotated_views", "decomposing", "doctor", "editing", "grasping",
+                "labelling_studies", "onnx", "painting", "rerun", "scene_prior", "serving",
+                "several_views", "simulators", "single_view_benchmarks", "things", "tracking",
+                "viewer")  # fmt: skip
 # These compose all settings, start processes, train, render or draw large pictures
 SLOW_FILES = ("test_api_page", "test_argument_types", "test_completion", "test_configs",
               "test_dataset", "test_debug",

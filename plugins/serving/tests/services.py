@@ -15,9 +15,9 @@ from tests.unit.perception.synthetic import camera_at, frame_of
 
 from scenefw.core.types import GridSpec
 from scenefw.perception.observation.doctor import Doctor
-from scenefw.perception.observation.examination import Examiner
 from scenefw.perception.observation.floor import FloorFinder
 from scenefw.perception.observation.workspace import WorkspaceFinder
+from scenefw_doctor.examination import Examiner
 from scenefw_serving.image_request import Predictions
 from scenefw_serving.limits import Limits
 from scenefw_serving.routes import Diagnose, NextView, Reconstruct, Settle

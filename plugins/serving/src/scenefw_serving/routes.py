@@ -24,7 +24,7 @@ from scenefw_serving.uploads import in_fields
 if TYPE_CHECKING:
     from scenefw.core.protocols import SceneFormat, Settling
     from scenefw.core.types import SceneEstimate
-    from scenefw.perception.observation.examination import Examiner
+    from scenefw_doctor.examination import Examiner
     from scenefw_serving.image_request import ImageRequest
 
 SCENE_FORMATS = {

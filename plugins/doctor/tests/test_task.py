@@ -3,10 +3,10 @@ import json
 import numpy as np
 import pytest
 from PIL import Image
-from tests.unit.perception.observation.test_examination import EXAMINER, FRAME
+from plugins.doctor.tests.test_examination import EXAMINER, FRAME
 
 from scenefw.core.errors import ConfigError, IncompleteError, InputError
-from scenefw.tasks.doctor import Examine
+from scenefw_doctor.task import Examine
 
 
 def save(path, depth=FRAME.depth, **changes):

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 from scenefw.core.errors import IncompleteError, InputError
 from scenefw.core.files import require_apart, require_writable
 from scenefw.perception.observation.doctor import ODD, UNUSABLE, unusable
-from scenefw.perception.observation.examination import Examination
 from scenefw.report.pictures import save_picture
-from scenefw.report.seen import draw_examination
 from scenefw.tasks.depth_images import DepthImages
+from scenefw_doctor.examination import Examination
+from scenefw_doctor.pictures import draw_examination
 
 if TYPE_CHECKING:
-    from scenefw.perception.observation.examination import Examiner
+    from scenefw_doctor.examination import Examiner
 
 
 class Examine:

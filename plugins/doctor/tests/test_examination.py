@@ -7,9 +7,9 @@ from tests.unit.perception.synthetic import Box, camera_at, frame_of
 
 from scenefw.core.types import GridSpec
 from scenefw.perception.observation.doctor import Doctor
-from scenefw.perception.observation.examination import Examiner
 from scenefw.perception.observation.floor import FloorFinder
 from scenefw.perception.observation.workspace import WorkspaceFinder
+from scenefw_doctor.examination import Examiner
 
 EXAMINER = Examiner(FloorFinder(), WorkspaceFinder(OBSTACLES), Doctor(), GridSpec())
 FRAME = frame_of(camera_at(size=(160, 120)))

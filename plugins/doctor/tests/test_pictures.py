@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
-from tests.unit.perception.observation.test_examination import EXAMINER, FRAME
+from plugins.doctor.tests.test_examination import EXAMINER, FRAME
 from tests.unit.perception.synthetic import camera_at, frame_of
 
 from scenefw.core.types import GridSpec
-from scenefw.report.seen import draw_examination
+from scenefw_doctor.pictures import draw_examination
 
 
 def hue(picture, where):

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from scenefw.core.types import Frame, GridSpec
-    from scenefw.perception.observation.examination import Examination
+    from scenefw_doctor.examination import Examination
 
 _FLOOR, _OBJECTS, _OTHER = (0.0, 0.62, 0.45), (0.90, 0.60, 0.0), (0.8, 0.47, 0.65)
 _TINT = 0.55  # share of the colour

@@ -1,0 +1,1 @@
+"""What a prediction would see of an image, check by check."""
