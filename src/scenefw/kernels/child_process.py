@@ -7,6 +7,8 @@ import signal
 import sys
 import time
 import warnings
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +29,27 @@ def compile_in_child(function: Any, types: tuple[Any, ...]) -> None:
     if not hasattr(os, "fork") or not can_compile or is_cached(function, types):
         return
     _announce()
+    with _turn(function):
+        if not is_cached(function, types):
+            _compile_in_copy(function, types)
+
+
+@contextmanager
+def _turn(function: Any) -> Iterator[None]:
+    """Waits while another process compiles the function: what that leaves may be what is needed."""
+    import fcntl  # not where processes can't be copied
+
+    with ExitStack() as turn:
+        with suppress(AttributeError, OSError, TypeError):  # another numba, a disk without locks
+            folder = Path(function._cache.cache_path)
+            folder.mkdir(parents=True, exist_ok=True)
+            lock = turn.enter_context((folder / f"{function.__name__}.lock").open("w"))
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            turn.callback(fcntl.flock, lock, fcntl.LOCK_UN)  # copies hold the open file, too
+        yield
+
+
+def _compile_in_copy(function: Any, types: tuple[Any, ...]) -> None:
     child = _copy_of_this_process()
     if child == 0:
         status = 1

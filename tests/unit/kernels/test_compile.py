@@ -99,6 +99,15 @@ def test_a_process_is_copied_only_for_what_is_not_in_the_cache(double, tmp_path,
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="processes can't be copied here")
+def test_what_another_process_has_compiled_meanwhile_is_not_compiled_again(double, monkeypatch):
+    answers = [False, True]
+    monkeypatch.setattr(child_process, "is_cached", lambda *_: answers.pop(0))
+    monkeypatch.setattr(os, "fork", None)
+    child_process.compile_in_child(double().cpu_loop, ())
+    assert not answers
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes can't be copied here")
 def test_what_predictions_call_is_compiled_ahead(double, monkeypatch):
     types = "i8, f4[::1], f4[::1]"
     monkeypatch.setattr(compiling, "_declared", [(double().cpu_loop, types)])
