@@ -30,8 +30,11 @@ THREADS := PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 OMP_WAIT_POLICY=PASSIVE OP
 # Neighbouring tests share a process, and with it what they make once.
 TESTS := $(THREADS) $(BIN)/python -m pytest -n 2 --dist worksteal
 
+# Types are checked beside the tests, a browser is fetched beside Python's packages.
+MAKEFLAGS += --jobs=2
+
 .DELETE_ON_ERROR:
-.PHONY: run test test-all quick docs lint types install python system browser clean help
+.PHONY: run test test-all quick tests docs lint types install python system browser clean help
 
 run: install
 ifeq ($(ARGS),)
@@ -39,14 +42,13 @@ ifeq ($(ARGS),)
 endif
 	$(BIN)/python -m scenefw experiment=simstack $(ARGS)
 
-test: lint types
-	$(TESTS) -m "not exhaustive" $(PYTEST)
+test: CHOICE := -m "not exhaustive"
+quick: CHOICE := -m "not slow and not exhaustive"
 
-test-all: lint types browser
-	$(TESTS) $(PYTEST)
+test quick test-all: types tests
 
-quick: lint types
-	$(TESTS) -m "not slow and not exhaustive" $(PYTEST)
+tests: lint $(if $(filter test-all,$(MAKECMDGOALS)),browser)
+	$(TESTS) $(CHOICE) $(PYTEST)
 
 docs: install
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
@@ -83,7 +85,7 @@ system:
 	else echo "the tests against open3d need: sudo apt-get install $(SYSTEM)"; fi
 
 # Pages are tested in Chromium, if it can be had.
-browser:
+browser: system
 	@if command -v chromium >/dev/null; then :; \
 	elif [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
 	  { apt-get update -qq && \

@@ -7,14 +7,8 @@ import pytest
 from tests.conftest import SLOW, SLOW_FILES
 
 ROOT = Path(__file__).parents[1]
+MAKEFILE = (ROOT / "Makefile").read_text()
 CHOICES = {"quick": ["not slow and not exhaustive"], "test": ["not exhaustive"], "test-all": []}
-
-
-def recipe(target):
-    """The line of the Makefile that runs pytest."""
-    rule = (ROOT / "Makefile").read_text().split(f"\n{target}:")[1].split("\n\n")[0]
-    (line,) = (line for line in rule.splitlines() if "$(TESTS)" in line)
-    return line
 
 
 @pytest.mark.parametrize("marker", ["slow", "exhaustive"])
@@ -25,13 +19,13 @@ def test_the_marker_is_registered(pytestconfig, marker):
 
 @pytest.mark.parametrize("target", CHOICES)
 def test_tests_are_chosen_by_the_marker_alone(target):
-    line = recipe(target)
-    assert re.findall(r'-m "(.*?)"', line) == CHOICES[target]
-    assert re.sub(r' -m ".*?"', "", line).strip() == "$(TESTS) $(PYTEST)"
+    assert re.findall(rf'^{target}: CHOICE := -m "(.*)"$', MAKEFILE, re.M) == CHOICES[target]
+    assert "\n\t$(TESTS) $(CHOICE) $(PYTEST)\n" in MAKEFILE
+    assert "\ntest quick test-all: types tests\n" in MAKEFILE
 
 
 def test_nothing_else_leaves_tests_out(pytestconfig):
-    (command,) = re.findall(r"^TESTS := (.*)$", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    (command,) = re.findall(r"^TESTS := (.*)$", MAKEFILE, re.MULTILINE)
     assert command == "$(THREADS) $(BIN)/python -m pytest -n 2 --dist worksteal"
     assert pytestconfig.getini("testpaths") == ["tests", "plugins"]
     options = pytestconfig.getini("addopts")
@@ -49,14 +43,9 @@ def test_tests_lie_where_pytest_looks():
     assert found == {"tests", "plugins"}
 
 
-@pytest.mark.parametrize("name", SLOW)
-def test_folders_of_slow_tests_exist(name):
-    assert list((ROOT / "tests" / "unit" / name).rglob("test_*.py"))
-
-
-@pytest.mark.parametrize("name", SLOW_FILES)
-def test_files_of_slow_tests_exist(name):
-    assert list((ROOT / "tests").rglob(f"{name}.py"))
+def test_folders_and_files_of_slow_tests_exist():
+    assert [n for n in SLOW if not any((ROOT / "tests" / "unit" / n).rglob("test_*.py"))] == []
+    assert [name for name in SLOW_FILES if not any((ROOT / "tests").rglob(f"{name}.py"))] == []
 
 
 def test_what_runs_a_command_is_slow(scenefw, request):
