@@ -17,9 +17,10 @@ ROOT = Path(__file__).parents[1]
 sys.path += [str(folder) for folder in sorted(ROOT.glob("plugins/*/src"))]
 
 # Compiled kernels make first examples slow, and the same commit must give the same verdict.
-settings.register_profile("scenefw", deadline=None, max_examples=50, derandomize=True)
+settings.register_profile("scenefw", deadline=None, max_examples=20, derandomize=True)
 settings.load_profile("scenefw")
 parsed.install()
+gc.disable()  # until all tests are collected
 
 
 # Tests of these packages render, fuse, simulate, train, or compile kernels
@@ -60,8 +61,8 @@ def is_slow(path):
 
 def pytest_collection_finish():
     """Modules and thousands of collected tests stay: nobody need look for garbage among them."""
-    gc.collect()
     gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture(scope="session")

@@ -41,9 +41,7 @@ def test_seen_points_lie_on_the_boxes_or_the_table():
         assert (points[:, 2] > 0.01).sum() > 100
 
 
-@pytest.mark.parametrize(
-    ("tilt", "height"), [(0.0, 0.7), (0.15, 0.7), (0.0, 0.02), (0.05, 0.0), (0.05, -0.02)]
-)
+@pytest.mark.parametrize(("tilt", "height"), [(0.15, 0.7), (0.0, 0.02), (0.05, -0.02)])
 def test_a_table_anywhere_becomes_the_floor(tilt, height):
     """Also one that is hardly off: objects begin a centimetre and a half above it."""
     c, s = np.cos(tilt), np.sin(tilt)

@@ -126,6 +126,7 @@ class Lifted:
         return [replace(scene, objects=objects, details={**scene.details, "settled": settled})]
 
 
+@pytest.mark.exhaustive
 def test_a_mesh_is_labelled_where_it_was_scanned(tmp_path, monkeypatch):
     monkeypatch.setattr("scenefw_decomposing.task.settled_words", lambda scene: "lifted")
     mesh = boxes(*PAIR, table=TABLE)
@@ -134,6 +135,7 @@ def test_a_mesh_is_labelled_where_it_was_scanned(tmp_path, monkeypatch):
     _each_box_has_a_colour(tmp_path / "out" / "pair", mesh)
 
 
+@pytest.mark.exhaustive
 def test_a_gltf_file_keeps_its_own_coordinates(tmp_path):
     """T_world_input begins with the numbers of the file, whose y is up."""
     mesh = boxes(*PAIR, table=TABLE)

@@ -76,6 +76,7 @@ def test_labels_stand_for_the_object_that_they_overlap_most():
 
 
 @pytest.mark.skipif(not shipped_scenes().exists(), reason="no shipped data set")
+@pytest.mark.exhaustive
 def test_who_knows_the_truth_does_as_predicted(tmp_path, monkeypatch):
     monkeypatch.setattr(films, "_SIZE", (66, 54))
     pytest.importorskip("pybullet", reason="needs pybullet (pip install 'scenefw[simulation]')")

@@ -12,7 +12,6 @@ from scenefw.core.errors import CheckpointError, InputError, MissingDependencyEr
 from scenefw.core.types import GridSpec
 from scenefw.learning.checkpoint import Checkpoint
 from scenefw.models.fusenet import FuseNet
-from scenefw.models.set_placed import PlacedSetAutoencoder
 from scenefw.models.set_placed_vae import PlacedSetVAE
 from scenefw.models.set_vae import SetVAE
 from scenefw.models.shape_instance_vae import ShapeInstanceVAE
@@ -42,10 +41,6 @@ NETWORKS = {
     "shapes_of_a_plugin": (lambda: Shapes(), "shape_instance"),
     "labels_of_a_plugin": (lambda: Labels(), "segmentation"),
     "labels": (lambda: FuseNet(3, (3, 4), (1, 1), block=2), "segmentation"),
-    "sets_in_boxes": (
-        lambda: PlacedSetAutoencoder(16, 2, "view", 4, 4, (4, 3), (4,), seen_resolution=8),
-        "object_sets",
-    ),
     "drawn_sets_in_boxes": (lambda: PlacedSetVAE(8, 2, 4, 2, 4, (4,), (4,)), "object_sets"),
     "sets": (
         lambda: SetVAE(8, 2, 4, 2, (4, 3), (4, 3), WIDTHS, 3, existence=True, centres=True),
@@ -105,7 +100,7 @@ def network(kind):
     return named_network(Checkpoint(made.eval(), GridSpec(8), {}, metadata), task)
 
 
-QUICK = ("shapes_of_a_plugin", "labels")
+QUICK = ("shapes_of_a_plugin", "labels_of_a_plugin")
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ from scenefw_onnx.task import ExportONNX
 from scenefw_single_view_benchmarks.baselines.fully_convolutional import FullyConvolutional
 
 
+@pytest.mark.exhaustive
 def test_a_file_of_weights_becomes_a_file_that_says_where_it_is_from(tmp_path, capsys):
     torch.manual_seed(0)
     network = FullyConvolutional(8, {"tsdf": 1, "votes": 3}, widths=(2, 3)).eval()

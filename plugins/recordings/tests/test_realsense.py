@@ -93,6 +93,7 @@ def which(frame):
     return int(frame.colour[HEIGHT // 2, WIDTH // 2, 2]) // 20
 
 
+@pytest.mark.exhaustive
 def test_colour_is_moved_to_the_pixels_of_depth(read):
     numbers = [which(frame) for frame in read]
     assert numbers == sorted(set(numbers))

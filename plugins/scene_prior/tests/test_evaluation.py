@@ -161,6 +161,7 @@ def set_of(places):
     )  # fmt: skip
 
 
+@pytest.mark.exhaustive
 def test_raised_scenes_are_found_out(data, scenes):
     few = StackScenes("stacks_v2", "val", 4)
     figures = evaluation(data, Knowing(data.scenes, up=0.3), few, examples=0).run().figures
@@ -168,6 +169,7 @@ def test_raised_scenes_are_found_out(data, scenes):
     assert figures["given/height_gap"] == pytest.approx(0.3, abs=1e-4)
 
 
+@pytest.mark.exhaustive
 def test_an_untrained_network_gives_a_page(data, tmp_path, monkeypatch):
     monkeypatch.setattr("scenefw_scene_prior.report.prior._GRID", GridSpec(32))
     monkeypatch.setattr("scenefw_scene_prior.report.prior._TILE", (56, 42))

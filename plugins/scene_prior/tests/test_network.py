@@ -90,6 +90,7 @@ def test_no_order_among_objects():
     assert torch.allclose(counts, again, atol=1e-5)
 
 
+@pytest.mark.exhaustive
 def test_it_learns_objects_of_a_view_and_draws_them():
     """One view by heart: draws lie where its objects are, and so many are hidden."""
     torch.manual_seed(0)

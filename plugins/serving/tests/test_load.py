@@ -5,6 +5,7 @@ import socket
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
+import pytest
 from plugins.serving.tests.services import FRAME, GRID, Slow, error_of, httpx, npz, serving, until
 from tests.unit.perception.pipelines import KnownBoxes, pipeline_of
 
@@ -118,6 +119,7 @@ def test_a_fault_is_500_and_the_next_request_is_answered(capsys):
         assert "pip install" in error_of(absent)
 
 
+@pytest.mark.exhaustive
 def test_nothing_of_answered_requests_stays_but_what_is_remembered():
     class Forgetful(KnownBoxes):
         def complete(self, *arguments):

@@ -104,6 +104,7 @@ def test_an_interrupted_evaluation_goes_on_where_it_was(tmp_path):
     assert again.network.calls < whole.network.calls
 
 
+@pytest.mark.exhaustive
 def test_pictures_are_drawn(tmp_path):
     pictures = LatentSpaceGallery(evaluation(3), tmp_path, count=1).show()
     assert len(pictures) == 2

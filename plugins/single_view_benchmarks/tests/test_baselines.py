@@ -66,6 +66,7 @@ def test_there_are_no_codes(make):
 
 
 @pytest.mark.parametrize("make", NETWORKS)
+@pytest.mark.exhaustive
 def test_it_can_learn_a_view_by_heart(make):
     model, data = make(16, {"tsdf": 1}), batch(16, 1)
     target = torch.linspace(-1, 1, 16).expand(1, 1, 16, 16, 16)

@@ -47,6 +47,7 @@ class Mortal(Scattering):
         return super().generate(index, seed)
 
 
+@pytest.mark.exhaustive
 def test_a_data_set_survives_a_killed_worker(cluster, tmp_path, monkeypatch):
     monkeypatch.setattr(statistics, "draw", lambda *_: None)
     workers = Dask(cluster.scheduler_address)

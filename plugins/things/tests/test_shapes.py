@@ -27,9 +27,8 @@ def drawn(name, seed):
 
 
 @pytest.mark.parametrize("name", FAMILIES)
-@pytest.mark.parametrize("seed", [0, 1])
-def test_surface_is_closed_and_holds_the_parts(name, seed):
-    thing = drawn(name, seed)
+def test_surface_is_closed_and_holds_the_parts(name):
+    thing = drawn(name, 0)
     mesh = trimesh.Trimesh(thing.mesh.vertices, thing.mesh.faces, process=False)
     volumes = [ConvexHull(part.corners).volume for part in thing.parts]
     assert closed(thing.mesh)
@@ -51,29 +50,28 @@ def test_is_in_one_piece(name):
 
 
 @pytest.mark.parametrize("name", ["mug", "studded_brick", "toy_animal", "compound"])
-@pytest.mark.parametrize("samples", [300, 1500])
-def test_distances_are_those_of_open3d(name, samples):
+def test_distances_are_those_of_open3d(name):
     open3d = pytest.importorskip("open3d")
     thing = drawn(name, 3)
     scene = open3d.t.geometry.RaycastingScene()
     vertices, faces = thing.mesh.vertices.astype(np.float32), thing.mesh.faces.astype(np.uint32)
     scene.add_triangles(open3d.core.Tensor(vertices), open3d.core.Tensor(faces))
     low, high = vertices.min(axis=0) - 0.02, vertices.max(axis=0) + 0.02
-    points = np.random.default_rng(samples).uniform(low, high, (samples, 3))
+    points = np.random.default_rng(300).uniform(low, high, (300, 3))
     tensor = open3d.core.Tensor(points.astype(np.float32))
     expected = scene.compute_signed_distance(tensor, nsamples=5).numpy()
     np.testing.assert_allclose(thing.signed_distances(points), expected, atol=2e-6)
 
 
-@pytest.mark.parametrize("name", FAMILIES)
-def test_is_rebuilt_bit_for_bit_from_what_is_stored(name):
-    thing = drawn(name, 4)
-    numbers = np.array(thing.parameters, dtype=np.float32)
-    again = Thing(str(name), tuple(float(value) for value in numbers), thing.seed)
-    assert len(again.parts) == len(thing.parts)
-    for part, other in zip(thing.parts, again.parts, strict=True):
-        assert part.corners.tobytes() == other.corners.tobytes()
-    assert again.name == thing.name
+def test_things_are_rebuilt_bit_for_bit_from_what_is_stored():
+    for name in FAMILIES:
+        thing = drawn(name, 4)
+        numbers = np.array(thing.parameters, dtype=np.float32)
+        again = Thing(str(name), tuple(float(value) for value in numbers), thing.seed)
+        assert len(again.parts) == len(thing.parts)
+        for part, other in zip(thing.parts, again.parts, strict=True):
+            assert part.corners.tobytes() == other.corners.tobytes()
+        assert again.name == thing.name
 
 
 def test_parts_of_the_data_are_apart(library):

@@ -72,7 +72,7 @@ def test_a_folder_that_the_user_made_stays_as_it_was(scenefw, tmp_path, words):
     assert list(tmp_path.rglob("*")) == [tmp_path / "mine"]
 
 
-@pytest.mark.parametrize("words", [(), ("-m", "seed=1,2"), ("-m", "seed=1,2", "paths.output=a/b")])
+@pytest.mark.parametrize("words", [(), ("-m", "seed=1,2", "paths.output=a/b")])
 def test_a_refused_command_leaves_no_folder(scenefw, tmp_path, words):
     result = scenefw("run=predict", *words)
     assert result.returncode == 2

@@ -68,6 +68,7 @@ def test_what_was_there_before_the_first_run_is_of_somebody_else(tmp_path):
         assert strangers(tmp_path) == expected
 
 
+@pytest.mark.exhaustive
 def test_a_run_never_replaces_what_was_there_before(tmp_path, scenefw):
     (tmp_path / "out").mkdir()
     for name in ("blocks.png", "blocks"):

@@ -21,6 +21,7 @@ def test_if_no_folder_can_be_written_the_variable_is_named(monkeypatch):
         compiled._cache_folder()
 
 
+@pytest.mark.exhaustive
 def test_if_the_folder_of_the_variable_can_not_be_written_it_is_named():
     words = [sys.executable, "-c", "import scenefw.kernels.compile"]
     env = {**os.environ, "NUMBA_CACHE_DIR": "/dev/null/x"}

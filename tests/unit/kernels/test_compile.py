@@ -171,6 +171,7 @@ def test_a_copy_that_never_ends_is_killed(double, monkeypatch, limit):
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="processes can't be copied here")
+@pytest.mark.exhaustive
 def test_a_copy_that_computes_is_waited_for(double, monkeypatch):
     """Longer than one that only waits would be."""
     fork, killed = os.fork, []

@@ -70,7 +70,7 @@ def test_ellipsoid():
 
 @pytest.mark.parametrize(
     "exponents",
-    [(2, 2, 2), (3, 5, 2), (2, 40, 100), (100, 100, 100), (10, 10, 2.5), (1.1, 1.3, 1.2)],
+    [(3, 5, 2), (2, 40, 100), (1.1, 1.3, 1.2)],
 )
 def test_dense_cloud(exponents):
     rng = np.random.default_rng(1)

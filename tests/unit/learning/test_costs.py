@@ -107,15 +107,14 @@ def test_on_a_cpu_data_are_made_at_once():
     assert SideStream().run(CPU, lambda: "made") == "made"
 
 
-@pytest.mark.parametrize("backend", ["eager", "aot_eager"])
-def test_a_compiled_network_trains_alike(tmp_path, backend):
+def test_a_compiled_network_trains_alike(tmp_path):
     plain.task(tmp_path / "plain", steps=5).run()
-    task = plain.task(tmp_path / "compiled", steps=5, learning={"compile": backend})
+    task = plain.task(tmp_path / "compiled", steps=5, learning={"compile": "aot_eager"})
     calls = []
     compile_ = task.learning.model.compile
     task.learning.model.compile = lambda **options: (calls.append(options), compile_(**options))
     task.run()
-    assert calls == [{"backend": backend}]
+    assert calls == [{"backend": "aot_eager"}]
     first, second = plain.state(tmp_path / "plain"), plain.state(tmp_path / "compiled")
     assert list(first["state_dict"]) == list(second["state_dict"])
     for name, value in first["state_dict"].items():

@@ -48,7 +48,7 @@ def errors(found, grid):
 
 @GRIDS
 @pytest.mark.parametrize("scale", [0.8, 1.2])
-@pytest.mark.parametrize("place", [0, 1, 10, 20])
+@pytest.mark.parametrize("place", [0, 20])
 def test_a_bad_frame_anywhere_is_outvoted(grid, scale, place):
     first, *good = around(21)
     found = fused([*good[:place], spoilt(first, scale), *good[place:]], grid)

@@ -108,6 +108,7 @@ def test_documents_leave_scenes_out(tmp_path, scene):
 
 
 @pytest.mark.parametrize(("number", "name", "solids"), [(0, "predicted", 1), (1, "truth", 2)])
+@pytest.mark.exhaustive
 def test_a_browser_draws_the_chosen_layer(tmp_path, scene, page, number, name, solids):
     path = tmp_path / "scene.html"
     write_scene_page(path, "view", packed([scene]))
@@ -186,6 +187,7 @@ def triangles(page, count):
     )
 
 
+@pytest.mark.exhaustive
 def test_a_browser_says_what_carries_what_and_shows_obstacles(tmp_path, stacked, page):
     open_page(page, tmp_path / "scene.html", stacked)
     panel = page.locator(".panel")
@@ -204,6 +206,7 @@ def test_a_browser_says_what_carries_what_and_shows_obstacles(tmp_path, stacked,
     assert "order" not in panel.inner_text()
 
 
+@pytest.mark.exhaustive
 def test_a_phone_shows_the_scene_and_opens_the_panel_below_it(tmp_path, stacked, page):
     page.set_viewport_size({"width": 390, "height": 844})
     open_page(page, tmp_path / "scene.html", stacked)

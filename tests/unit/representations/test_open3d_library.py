@@ -22,6 +22,7 @@ assert total(numpy.ones(9)) == 9
 """
 
 
+@pytest.mark.exhaustive
 def test_its_tbb_is_not_complained_about():
     pytest.importorskip("open3d", exc_type=ImportError)
     done = subprocess.run([sys.executable, "-c", LOOP], capture_output=True, text=True, check=True)

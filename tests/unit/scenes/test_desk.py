@@ -40,6 +40,7 @@ def test_things_lean_lie_on_each_other_and_touch(scenes):
     assert any(max(item.lifts, default=0) > 0.005 for item in items)  # a cable over something
 
 
+@pytest.mark.exhaustive
 def test_few_components_hold_one_thing(scenes):
     """Most of what is above the table touches something of another class."""
     grid = HeightGrid(513)
@@ -54,6 +55,7 @@ def test_few_components_hold_one_thing(scenes):
     assert shared > 0.6 * whole
 
 
+@pytest.mark.exhaustive
 def test_what_lies_later_does_not_sink_into_what_is_there(scenes):
     """Seen from above, an item is never more than 2 mm below where something lay before it."""
     scene = scenes[0]

@@ -45,6 +45,7 @@ def test_a_convex_mesh_is_not_divided():
     assert ConvexParts().of(TriangleMesh(np.asarray(box.vertices), np.asarray(box.faces))) == ()
 
 
+@pytest.mark.exhaustive
 def test_open3d_can_be_imported_afterwards():
     pytest.importorskip("coacd")
     pytest.importorskip("open3d", exc_type=ImportError)

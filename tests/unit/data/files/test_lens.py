@@ -46,7 +46,6 @@ def distorted_plane(lens):
     [
         ("plumb_bob", SENSOR),
         ("rational_polynomial", AZURE),
-        (None, SENSOR[:4]),
         ("equidistant", (0.01, -0.02, 0.005, 0.0)),
     ],
 )

@@ -174,6 +174,7 @@ def test_figures_of_a_method_do_not_depend_on_others_beside_it():
     assert runs[0].floors == runs[1].floors
 
 
+@pytest.mark.exhaustive
 def test_views_side_by_side_give_the_same_figures():
     scenes = StackScenes(split="test", limit=3)
     coin = {"coin": Coin(), "partial_tsdf": pipeline_of(PartialSurface(ConnectedComponents()))}

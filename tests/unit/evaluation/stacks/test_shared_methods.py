@@ -42,7 +42,7 @@ def test_references_learn_nothing(methods):
     assert methods["crease_parts"].edges is None
 
 
-@pytest.mark.parametrize("evaluation", ["draws", "reconstruction", "_stability"])
+@pytest.mark.parametrize("evaluation", ["draws", "reconstruction"])
 def test_methods_of_fits_are_compared_on_the_grid_of_the_others(evaluation):
     plugins.activate()
     words = ["run=evaluate", f"evaluation={evaluation}", "debug=smoke", "device=cpu"]

@@ -87,9 +87,9 @@ def test_a_shift_along_one_axis_alone_is_told_alone(frame, monkeypatch):
 
 def test_many_pixels_are_warned_of_with_a_remedy_that_helps(frame):
     camera = frame.camera
-    many = np.kron(frame.depth, np.ones((30, 30), np.float32))
+    many = np.kron(frame.depth, np.ones((20, 20), np.float32))
     names = ("width", "height", "fx", "fy", "cx", "cy")
-    large = Camera(**{name: getattr(camera, name) * 30 for name in names})
+    large = Camera(**{name: getattr(camera, name) * 20 for name in names})
     (warning,) = Doctor().examine_frame(replace(frame, depth=many, camera=large))
     megapixels = many.size / 1e6
     assert f"{large.width} x {large.height} pixels take long and much memory" in warning

@@ -83,6 +83,7 @@ def test_without_codes_or_a_thesis_nothing_is_invented(tmp_path):
     assert not sections[0].blocks[0].quoted
 
 
+@pytest.mark.exhaustive
 def test_parts_follow_each_other(tmp_path):
     parts = {name: result(name, examples=False) for name in ("of_six", "of_four_to_eight")}
     titles = [
