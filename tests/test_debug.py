@@ -1,4 +1,4 @@
-"""The modifiers of `debug`: each on a tiny training, and all of them with every experiment."""
+"""The modifiers of `debug`: each on a tiny training, all together with each kind of run."""
 
 import csv
 import json
@@ -18,14 +18,11 @@ def test_the_modifiers_that_documents_name():
     assert expected <= set(registry.names("debug"))
 
 
-def experiments():
-    """All; those that train networks of scenes and of labels in every `make test`."""
-    for name in registry.names("experiment"):
-        rest = () if name in {"simstack", "label_maps"} else pytest.mark.exhaustive
-        yield pytest.param(name, marks=rest)
+# One that trains networks of scenes and of labels, and one of each other kind of run
+EXPERIMENTS = ("simstack", "label_maps", "decomposition", "table_6_1", "thesis/scenes_of_six")
 
 
-@pytest.mark.parametrize("experiment", experiments())
+@pytest.mark.parametrize("experiment", EXPERIMENTS)
 def test_all_at_once_compose_with_every_experiment(experiment):
     plugins.activate()
     every = ",".join(registry.names("debug"))
@@ -36,6 +33,7 @@ def test_all_at_once_compose_with_every_experiment(experiment):
     assert whole.size.distinct_batches == 1
 
 
+@pytest.mark.exhaustive
 def test_a_profile_lies_in_the_folder_of_the_run(scenefw, tmp_path):
     done = scenefw(*TRAIN, "debug=[smoke,profile]", "paths.output=out")
     assert done.returncode == 0, done.stderr[-3000:]

@@ -34,21 +34,22 @@ def anchors(page):
     return {re.sub(r"[^\w\- ]", "", line.lower()).replace(" ", "-") for line in headings}
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
-def test_links_lead_somewhere_on_a_code_host(page):
-    text = without_code(page.read_text(encoding="utf-8"))
-    for target in re.findall(r"\]\(([^)\s]+)\)", text):
-        if urlsplit(target).scheme:
-            continue
-        path, _, anchor = target.partition("#")
-        linked = (page.parent / path).resolve() if path else page
-        assert linked.exists(), target
-        assert linked.is_relative_to(ROOT), target
-        assert not anchor or anchor in anchors(linked), target
+def test_links_lead_somewhere_on_a_code_host():
+    anchors_of = functools.cache(anchors)
+    for page in PAGES:
+        text = without_code(page.read_text(encoding="utf-8"))
+        for target in re.findall(r"\]\(([^)\s]+)\)", text):
+            if urlsplit(target).scheme:
+                continue
+            path, _, anchor = target.partition("#")
+            linked = (page.parent / path).resolve() if path else page
+            assert linked.exists(), f"{page.name}: {target}"
+            assert linked.is_relative_to(ROOT), f"{page.name}: {target}"
+            assert not anchor or anchor in anchors_of(linked), f"{page.name}: {target}"
 
 
 def commands():
-    """Words of all commands in the documents, one for each test."""
+    """Words of all commands in the documents."""
     found = {}
     for page in PAGES:
         text = page.read_text(encoding="utf-8").replace("\\\n", " ")
@@ -65,6 +66,7 @@ def as_called_now(word):
     return word if new is None else new if "=" in new else f"{new}={value}"
 
 
+@pytest.mark.exhaustive
 def test_commands_name_options_and_settings_that_exist(monkeypatch):
     read = functools.cache(registry.settings)
     monkeypatch.setattr(registry, "settings", lambda path: copy.deepcopy(read(path)))
