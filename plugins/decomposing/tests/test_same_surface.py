@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from scenefw.core.errors import ConfigError
@@ -57,7 +57,6 @@ def test_images_without_parts():
     assert joined(empty) == [0]
 
 
-@settings(max_examples=30, deadline=None)
 @given(st.permutations(range(4)), st.integers(0, 2**32 - 1))
 def test_neither_order_nor_place_matters(order, seed):
     views = [image((i + 1, 0.06 * i, 0.06 * i + 0.1)) for i in range(3)] + [image((4, 0.5, 0.6))]

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from scenefw.core.errors import ConfigError
@@ -11,7 +11,6 @@ from scenefw_decomposing.surround import SurroundingCameras
 places = st.floats(-2, 2)
 
 
-@settings(max_examples=30, deadline=None)
 @given(st.tuples(places, places, places), st.floats(0.02, 1.0), st.integers(1, 8))
 def test_every_camera_sees_the_sphere(centre, radius, ring):
     cameras = SurroundingCameras(ring=ring).around(centre, radius)

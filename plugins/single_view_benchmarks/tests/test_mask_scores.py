@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from scenefw.core.errors import InputError
@@ -131,7 +131,6 @@ def _reference(predicted, true, tolerance):
         }
 
 
-@settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 10_000), tolerance=st.sampled_from([0.003, 0.1]))
 def test_against_brute_force(seed, tolerance):
     rng = np.random.default_rng(seed)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from scenefw.core.batches import CameraBatch
@@ -52,7 +52,6 @@ def test_a_crop_of_the_images_own_pixels_is_a_part_of_it():
     torch.testing.assert_close(pixel_places(box.depth, box.cameras), places)
 
 
-@settings(max_examples=20, deadline=None)
 @given(
     resolution=st.integers(5, 50),
     margin=st.floats(1.0, 6.0),

@@ -1,7 +1,7 @@
 """Unions of convex parts, beside boxes whose union is known."""
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from scenefw_things.shapes.part_unions import ball_about, inside, planes_of, surface_points
@@ -20,7 +20,6 @@ def test_a_box_has_six_sides_and_lies_in_its_ball():
     np.testing.assert_allclose(np.linalg.norm(corners - ball[:3], axis=1), ball[3])
 
 
-@settings(deadline=None)
 @given(st.integers(0, 10**6))
 def test_inside_is_what_the_boxes_hold(seed):
     points = np.random.default_rng(seed).uniform(-0.15, 0.15, (200, 3))

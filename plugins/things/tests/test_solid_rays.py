@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
@@ -96,7 +96,6 @@ def intervals(corners, rays):
     return near, np.where(slopes > 0, cuts, np.inf).min(-1)
 
 
-@settings(max_examples=30, deadline=None)
 @given(seed=st.integers(0, 10**6), count=st.integers(1, 4))
 def test_ends_and_gaps_agree_with_the_parts_one_by_one(seed, count):
     rng = np.random.default_rng(seed)

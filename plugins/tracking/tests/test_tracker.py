@@ -57,13 +57,13 @@ def id_at(scene, x, y):
     return items[int(np.argmin(distances))].id
 
 
-@pytest.fixture(scope="module", params=[(320, 2), (640, 1)])
-def sequence(request):
+@pytest.fixture(scope="module")
+def sequence():
     """Still; one added; the first moved by (0.06, -0.05); the second taken away; still."""
     added = (*CROWD, box(0.05, -0.15, (0.05, 0.12, 0.04)))
     shifted = (box(-0.14, -0.05), *added[1:])
     taken = (shifted[0], *shifted[2:])
-    return tracked([CROWD, CROWD, added, shifted, taken, taken], *request.param)
+    return tracked([CROWD, CROWD, added, shifted, taken, taken], samples=2)
 
 
 def test_an_unchanged_scene_is_not_looked_at_again(sequence):
@@ -227,12 +227,9 @@ def test_poses_that_tremble_add_up_to_a_motion():
     np.testing.assert_allclose(again, shift, atol=1e-6)
 
 
-@pytest.mark.parametrize("height", [0.0, 0.1])
-def test_a_camera_that_moves_without_poses_is_told(height):
+def test_a_camera_that_moves_without_poses_is_told():
     """Also if it moves around the table, whose depth stays the same."""
-    pose = _turned(camera().T_world_camera)
-    pose[2, 3] += height
-    elsewhere = replace(camera(), T_world_camera=pose)
+    elsewhere = replace(camera(), T_world_camera=_turned(camera().T_world_camera))
     tracker = Tracker(pipeline(samples=1))
     tracker.track(image(CROWD, 0))
     scene = tracker.track(image(CROWD, 1, elsewhere))

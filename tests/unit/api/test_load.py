@@ -7,7 +7,7 @@ import pytest
 import torch
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import QuotedString
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 from PIL import Image
 from tests.unit.perception.synthetic import camera_at, frame_of
@@ -156,7 +156,6 @@ PARSER = OverridesParser.create()
 @example("a\\b c")
 @example(["null", "true", "3", "1e5", "", "x=1", "[a,b]"])
 @example("superquadrics")
-@settings(max_examples=30)
 def test_values_are_written_as_the_command_line_reads_them(value):
     read = PARSER.parse_override(f"key={_override_value(value)}").value()
     several = read if isinstance(value, list) else [read]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from scenefw.core import tabletop
@@ -41,7 +41,6 @@ def brute_force(corners, rays):
     return best, hit
 
 
-@settings(max_examples=20)
 @given(st.integers(0, 200), st.integers(0, 1000))
 def test_casting_equals_brute_force(count, seed):
     corners, rays = soup(count, seed), random_rays(40, seed)

@@ -1,7 +1,7 @@
 import numba
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.sparse import coo_array, diags_array
 from scipy.sparse.linalg import spsolve
@@ -105,7 +105,6 @@ def test_boxes_are_reconstructed_within_a_millimetre_off_their_walls(vertices):
     assert np.quantile(error, 0.99) < 1e-3
 
 
-@settings(max_examples=25)
 @given(
     st.floats(-0.05, 0.05), st.floats(-0.1, 0.1), st.floats(-0.1, 0.1), st.floats(0.15, 0.6),
     st.floats(0, 60), st.floats(0, 6.3),

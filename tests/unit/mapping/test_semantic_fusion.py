@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from tests.unit.mapping import tables
 
@@ -60,7 +60,6 @@ def test_probabilities_are_those_of_the_equations(alpha, floor, power):
     np.testing.assert_allclose(running.probabilities(), expected, atol=2e-4)
 
 
-@settings(max_examples=20)
 @given(st.floats(0.1, 0.8), st.floats(0, 50), st.integers(2, 6), st.floats(0, 4))
 def test_probabilities_sum_to_one(height, angle, classes, alpha):
     frame = tables.plane(tables.camera(0, 0, height, angle, width=24, rows=18))

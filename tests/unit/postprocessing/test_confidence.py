@@ -3,7 +3,7 @@ import json
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from scipy.special import expit
@@ -75,7 +75,6 @@ def test_a_fit_finds_the_weights_that_made_the_truth():
     arrays.arrays(np.float64, 30, elements=st.floats(0, 1)),
     st.floats(0, 5),
 )
-@settings(deadline=None)
 def test_expected_iou_changes_with_each_number_as_its_sign_says(numbers, truth, step):
     fit = ExpectedOverlap.fitted({"a": 1, "b": -1, "c": 0}, numbers, truth)
     before = fit(numbers)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
@@ -11,7 +11,6 @@ from scenefw.core.rng import Streams
 from scenefw.scenes.cameras import RandomViewpoints
 
 
-@settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_cameras_stand_where_they_may_and_look_at_the_centre(seed):
     camera = RandomViewpoints().sample(np.random.default_rng(seed))

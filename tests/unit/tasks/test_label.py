@@ -78,9 +78,8 @@ def elsewhere(tmp_path_factory):
     return write_sequence(folder, transformed(frames(), rigid(TURN, (1.0, 2.0, 3.0))), CLASSES)
 
 
-@pytest.mark.parametrize("world", ["sequence", "elsewhere"])
-def test_a_saved_map_resumes_as_if_never_interrupted(request, world, tmp_path):
-    folder, plain = request.getfixturevalue(world), {"picture_every": None}
+def test_a_saved_map_resumes_as_if_never_interrupted(elsewhere, tmp_path):
+    folder, plain = elsewhere, {"picture_every": None}
     label(folder, tmp_path / "whole", **plain).run()
     label(folder, tmp_path / "first", frames=4, **plain).run()
     resume = tmp_path / "first" / "map.npz"

@@ -66,7 +66,6 @@ def test_a_killed_training_goes_on_as_if_never_stopped(stacks, tmp_path, run_els
 @pytest.mark.parametrize(
     ("signals", "step"),
     [
-        ([signal.SIGINT], 5),
         ([signal.SIGTERM], 5),
         ([signal.SIGINT, signal.SIGTERM], 4),  # the second one cuts the step short
     ],
@@ -85,6 +84,7 @@ def test_a_training_that_is_stopped_keeps_its_state_and_says_where(
     assert tiny.task(stacks, tmp_path, steps=6).run()["train/steps"] == 6
 
 
+@pytest.mark.exhaustive
 def test_a_training_that_is_stopped_says_what_not_to_repeat(stacks, tmp_path):
     stop = {"stop": tiny.Signals(2, signal.SIGINT)}
     with pytest.raises(KeyboardInterrupt, match=r"this command without run\.fresh=true resumes"):
@@ -97,7 +97,6 @@ def test_a_training_that_is_stopped_says_what_not_to_repeat(stacks, tmp_path):
 @pytest.mark.parametrize(
     ("command", "said"),
     [
-        (["experiment=simstack"], "the same command with paths.output={out} resumes it"),
         (["-m", "seed=1,2"], "the same command with paths.output={out.parent} resumes it"),
         (["paths.output=out"], "the same command resumes it"),
     ],
@@ -121,6 +120,7 @@ def test_a_training_without_a_limit_says_so(stacks, tmp_path, steps, said, capsy
     assert ("this training has no limit" in capsys.readouterr().out) == said
 
 
+@pytest.mark.exhaustive
 def test_it_stops_and_goes_on_with_more_steps(stacks, tmp_path):
     whole, parts = tmp_path / "whole", tmp_path / "parts"
     tiny.task(stacks, whole, steps=5).run()
@@ -206,6 +206,7 @@ def test_a_training_with_other_settings_can_not_go_on(stacks, tmp_path):
     assert validated.run()["train/steps"] == 4  # what watches a training may change
 
 
+@pytest.mark.exhaustive
 def test_weights_written_again_say_what_made_them(stacks, tmp_path):
     tiny.task(stacks, tmp_path, steps=3).run()
     before = load_checkpoint(tmp_path / "out" / "simstack.safetensors").metadata
@@ -254,6 +255,7 @@ class Undefined(TsdfLoss):
         return super().__call__(prediction, batch) * float("nan")
 
 
+@pytest.mark.exhaustive
 def test_a_training_that_diverges_keeps_its_last_snapshot(stacks, tmp_path):
     tiny.task(stacks, tmp_path, steps=2).run()
     before = state(tmp_path)

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
@@ -61,7 +61,6 @@ def test_a_shift_by_whole_voxels_shifts_the_volumes(resolution):
     np.testing.assert_allclose(after[:, :, 1:, :-1], before[:, :, :-1, 1:], atol=2e-4)
 
 
-@settings(max_examples=30, deadline=None)
 @given(
     seed=st.integers(0, 2**32 - 1),
     angle=st.floats(-7, 7),

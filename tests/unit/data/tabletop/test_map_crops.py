@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from tests.unit.data.rectangles import COLOURS, HEIGHTS, Rectangles
 
@@ -49,7 +49,6 @@ def test_a_sample_depends_on_seed_epoch_and_index_alone():
     assert same(batch(crops(), [4, 0], None), batch(crops(), [4], None), slice(0, 1))
 
 
-@settings(max_examples=30)
 @given(st.integers(0, 5), st.integers(0, 100))
 def test_a_crop_shows_one_place_of_the_map(index, epoch):
     """Colour, height and labels are cut and flipped alike: each pixel has its class's of both."""

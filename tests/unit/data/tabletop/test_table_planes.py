@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from scenefw.core.geometry import look_at
@@ -32,7 +32,6 @@ def table(size, eye=(0.1, -0.05, 0.35), boxes=()):
 
 
 @pytest.mark.parametrize("size", SIZES)
-@settings(max_examples=25, deadline=None)
 @given(st.floats(-np.pi, np.pi), st.floats(0.0, 0.25), st.floats(0.2, 0.5))
 def test_the_plane_of_an_empty_table_is_exact(size, angle, aside, height):
     eye = (aside * np.cos(angle), aside * np.sin(angle), height)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from scenefw.core.errors import ConfigError, InputError
@@ -82,7 +82,6 @@ def test_val_is_validation():
     assert source(split="val").numbers == source(split="validation").numbers
 
 
-@settings(max_examples=40)
 @given(st.integers(0, 26), st.integers(0, 2000))
 def test_cameras_are_within_the_ranges(scene, view):
     camera = source().camera(scene, view)

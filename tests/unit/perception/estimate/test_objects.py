@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from scenefw.core.geometry import rotation_from_quaternion
@@ -16,7 +16,6 @@ def box(sides, rotation, position):
     return TriangleMesh(np.array(mesh.vertices), np.array(mesh.faces))
 
 
-@settings(max_examples=30)
 @given(st.integers(0, 10_000))
 def test_box_gives_back_its_pose_and_sides(seed):
     random = np.random.default_rng(seed)

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from tests.unit.perception.synthetic import Box, camera_at, frame_of
 
@@ -11,7 +11,6 @@ from scenefw.perception.observation.floor import FloorFinder
 from scenefw.perception.observation.points import camera_points, world_points
 
 
-@settings(max_examples=25)
 @given(
     elevation=st.floats(15, 80),
     azimuth=st.floats(0, 360),

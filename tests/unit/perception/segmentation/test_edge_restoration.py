@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 from hydra.utils import instantiate
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.ndimage import binary_dilation, distance_transform_edt
 from tests.unit.perception.blurred import seen
@@ -141,7 +141,6 @@ def test_colour_says_where_objects_end(size):
     distance=st.floats(0.5, 2.0),
     width=st.integers(1, 5),
 )
-@settings(max_examples=30, deadline=None)
 def test_a_plane_goes_on_as_a_plane(slopes, distance, width):
     v, u = np.mgrid[:40, :60]
     plane = 1 / (1 / distance + slopes[0] * (u - 30) / 3 + slopes[1] * (v - 20) / 3)

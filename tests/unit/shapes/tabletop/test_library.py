@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from scenefw.core.errors import ConfigError
@@ -23,7 +23,6 @@ LENGTHS = {  # longest side (m), least and greatest
 MODELS = {name: ProceduralModels(("surface", name)) for name in FAMILIES}
 
 
-@settings(max_examples=60)
 @given(st.sampled_from(sorted(FAMILIES)), st.integers(0, 65))
 def test_a_model_is_whole_and_as_large_as_the_thing(name, instance):
     model = MODELS[name].model(1, instance)
@@ -67,7 +66,6 @@ def test_instances_differ_and_repeat(name):
     assert not np.array_equal(first.model(1, 5).colours[:1], other.colours[:1])
 
 
-@settings(max_examples=30)
 @given(st.integers(3, 400))
 def test_splits_share_no_instance(count):
     parts = split_instances(count)
