@@ -183,8 +183,6 @@ def test_a_callback_and_a_logger_are_three_files_each(plugin, scenefw, tmp_path)
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (["experiment=simstack", "model=fusenet"], "model is a FuseNet"),
-        (["experiment=simstack", "loss=[cross_entropy]"], "cross_entropy"),
         (["experiment=label_views", "loss=[tsdf]"], "tsdf"),
         (["experiment=simstack", "loss=[tsdf,bce]"], "the loss bce compares occupancy"),
         (["experiment=simstack", "representation=[tsdf]"], "the loss votes compares votes"),
