@@ -10,7 +10,8 @@ import pytest
 from hydra._internal import defaults_list
 from hydra._internal.hydra import Hydra
 from hydra.utils import get_object
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig, OmegaConf, _utils
+from omegaconf import base as omegaconf_base
 from omegaconf.basecontainer import BaseContainer
 from omegaconf.errors import InterpolationKeyError
 from tests.composed import as_typed, base, changes_others, chosen
@@ -314,6 +315,8 @@ def without_shortcut(monkeypatch):
     def use():
         monkeypatch.setattr(defaults_list, "_create_interpolation_map", complete)
         monkeypatch.delattr(BaseContainer, "_re_parent")
+        for module in (omegaconf_base, _utils):
+            monkeypatch.setattr(module, "parse", module.parse.__wrapped__)
 
     return use
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -130,16 +130,18 @@ class Predict:
             InputError: there is no image, or none is usable.
             StorageError: the output folder can't be written.
         """
-        from rich.progress import track
-
         images = self.images.find()
         require_writable(self.output)
         folders = [self.output / folder for folder in self._folders(images)]
         for folder in folders:
             require_replaceable(folder)
         failures: dict[Path, InputError] = {}
-        steps = list(zip(images, folders, strict=True))
-        for image, folder in track(steps, "images", disable=len(images) == 1):
+        steps: Iterable[tuple[Path, Path]] = list(zip(images, folders, strict=True))
+        if len(images) > 1:
+            from rich.progress import track
+
+            steps = track(steps, "images")
+        for image, folder in steps:
             try:
                 work(image, folder)
             except InputError as error:
