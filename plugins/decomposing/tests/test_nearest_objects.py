@@ -36,9 +36,7 @@ def to_box(points, size, place):
     return np.abs(outside + away.max(axis=1).clip(max=0))
 
 
-@pytest.mark.parametrize("at_once", [50_000, 7])
-def test_distances_are_those_of_boxes(at_once, monkeypatch):
-    monkeypatch.setattr("scenefw_decomposing.nearest_objects._AT_ONCE", at_once)
+def test_distances_are_those_of_boxes():
     points = np.random.default_rng(0).uniform((-0.1, -0.1, 0), (0.4, 0.1, 0.15), (200, 3))
     labels, distances = nearest_objects(points, OBJECTS, 1.0)
     first = to_box(points, (0.1, 0.1, 0.1), (0.0, 0.0, 0.05))

@@ -25,7 +25,7 @@ SHELLS = (0.95, 0.7, 0.4)
 """Sizes of copies of a surface, by its own, that say what lies within; objects may touch."""
 
 OUTLIERS = 3.0
-"""Standard deviations from which on a point counts less and less."""
+"""Standard deviations beyond which a point says less and less, and isn't noise: three sigma."""
 
 
 def shape_of(fitted: FittedSuperquadric) -> Superquadric:

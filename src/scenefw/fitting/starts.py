@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from scenefw.core.types import Float64
 
-_TAILS = (4, 96)  # percentiles that say how far a cloud extends
+_TAIL = 0.04  # ratio of points beyond either end that don't say how far a cloud extends
 
 
 def box_starts(
@@ -45,7 +45,7 @@ def _principal(points: Float64) -> Float64:
 
 def _boxes(points: Float64, rotations: Sequence[Float64]) -> list[tuple[Pose, Float64]]:
     """Poses and half-axes of boxes about points (N, 3), turned by each rotation (3, 3)."""
-    corners = np.percentile(points @ np.stack(rotations), _TAILS, axis=1)
+    corners = np.quantile(points @ np.stack(rotations), (_TAIL, 1 - _TAIL), axis=1)
     quaternions = np.roll(Rotation.from_matrix(rotations).as_quat(), 1, axis=1)
     return [
         (Pose(rotation @ ((low + high) / 2), quaternion), np.maximum((high - low) / 2, 0.005))

@@ -9,8 +9,9 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from scenefw.core.geometry import rigid
-from scenefw.core.settings import COUNT, POSITIVE, between
+from scenefw.core.settings import COUNT, POSITIVE, above
 from scenefw.core.types import Pose
+from scenefw.fitting.placed import OUTLIERS
 from scenefw.shapes.vessel import Vessel
 
 if TYPE_CHECKING:
@@ -18,11 +19,7 @@ if TYPE_CHECKING:
 
     from scenefw.core.types import Float64
 
-MESH_SECTIONS = 24
-"""Of the surface of a vessel that is looked up in volumes."""
-_STARTS = ((0.9, 1.0), (0.5, 0.5), (0.6, 1.0))  # base and curve
 _MIN_PROFILE, _MAX_PROFILE = (0.25, 0.25), (1.15, 2.0)  # base and curve
-_WALL_RANGE = (0.0015, 0.015)  # m, thickness
 _MAX_WALL_RATIO = 0.8  # to radius and height: a vessel is hollow
 _RIM_QUANTILE = 0.9  # quantile of heights above which points are of the rim
 
@@ -56,12 +53,12 @@ class VesselFit:
     Args:
         sigma: standard deviation of points from the surface (m).
         wall: expected thickness (m).
-        wall_sigma: standard deviation of that (m).
+        wall_sigma: standard deviation of that (m); three of them are the most.
         stands: a vessel whose lowest point is seen no higher stands on the floor (m).
-        steps: evaluations at most, from each start.
+        steps: evaluations at most.
 
     Raises:
-        ConfigError: a number isn't positive.
+        ConfigError: a number isn't positive, or the wall is thinner than it may deviate.
     """
 
     sigma: float = 0.003
@@ -73,7 +70,7 @@ class VesselFit:
     def __post_init__(self) -> None:
         POSITIVE.require(sigma=self.sigma, wall_sigma=self.wall_sigma, stands=self.stands)
         COUNT.require(steps=self.steps)
-        between(*_WALL_RANGE).require(wall=self.wall)
+        above(OUTLIERS * self.wall_sigma, "as no wall is thinner").require(wall=self.wall)
 
     def fit(self, points: Float64, eye: Float64) -> FittedVessel:
         """The best vessel.
@@ -89,20 +86,19 @@ class VesselFit:
         x, y, radius = _circle(rim[:, :2])
         radius = float(np.clip(radius, 0.02, 0.15))
         height = max(top - bottom, 0.01)
-        low = [x - 0.1, y - 0.1, 0.012, 0.008, *_MIN_PROFILE, _WALL_RANGE[0]]
-        high = [x + 0.1, y + 0.1, 0.3, 0.4, *_MAX_PROFILE, _WALL_RANGE[1]]
+        profile, spread = np.mean([_MIN_PROFILE, _MAX_PROFILE], axis=0), OUTLIERS * self.wall_sigma
+        low = [x - 0.1, y - 0.1, 0.012, 0.008, *_MIN_PROFILE, self.wall - spread]
+        high = [x + 0.1, y + 0.1, 0.3, 0.4, *_MAX_PROFILE, self.wall + spread]
         args = points, eye, bottom, top
-        solutions = [
-            least_squares(
-                lambda numbers: self._residuals(numbers[None], *args)[0],
-                np.clip([x, y, radius, height, *start, self.wall], low, high),
-                lambda numbers: self._jacobian(numbers, *args),
-                (low, high), x_scale=[0.01, 0.01, 0.01, 0.01, 0.2, 0.2, 0.001],
-                loss="soft_l1", max_nfev=self.steps,
-            )
-            for start in _STARTS
-        ]  # fmt: skip
-        best = min(solutions, key=lambda solution: solution.cost)
+        best = least_squares(
+            lambda numbers: self._residuals(numbers[None], *args)[0],
+            np.clip([x, y, radius, height, *profile, self.wall], low, high),
+            lambda numbers: self._jacobian(numbers, *args),
+            (low, high),
+            x_scale=[0.01, 0.01, 0.01, 0.01, 0.2, 0.2, 0.001],
+            loss="soft_l1",
+            max_nfev=self.steps,
+        )
         return _fitted_vessel(best.x, points, eye, bottom)
 
     def _residuals(

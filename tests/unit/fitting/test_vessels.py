@@ -56,7 +56,7 @@ def test_points_of_one_height_have_a_fit_too():
     assert np.isfinite(VesselFit().fit(flat, EYE).distances).all()
 
 
-@pytest.mark.parametrize("wrong", [{"sigma": 0.0}, {"wall": 0.05}, {"steps": 0}])
+@pytest.mark.parametrize("wrong", [{"sigma": 0.0}, {"wall": 0.001}, {"steps": 0}])
 def test_bad_settings(wrong):
     with pytest.raises(ConfigError, match=f"^{next(iter(wrong))} = "):
         VesselFit(**wrong)

@@ -13,8 +13,6 @@ if TYPE_CHECKING:
 
     from scenefw.core.types import Float64, Int32, ObjectEstimate
 
-_AT_ONCE = 50_000  # points: each takes some kilobytes
-
 
 def nearest_objects(
     points: Float64, objects: Sequence[ObjectEstimate], reach: float
@@ -31,11 +29,10 @@ def nearest_objects(
     for item in objects:
         distances = distances_to(item.mesh)
         box = (points > distances.low - reach) & (points < distances.high + reach)
-        inside = np.flatnonzero(box.all(axis=1))
-        for rows in np.split(inside, range(_AT_ONCE, len(inside), _AT_ONCE)) if len(inside) else ():
-            gaps = np.abs(distances.at(points[rows]))
-            closer = (gaps < nearest[rows]) & (gaps <= reach)
-            labels[rows[closer]], nearest[rows[closer]] = item.id, gaps[closer]
+        rows = np.flatnonzero(box.all(axis=1))
+        gaps = np.abs(distances.at(points[rows]))
+        closer = (gaps < nearest[rows]) & (gaps <= reach)
+        labels[rows[closer]], nearest[rows[closer]] = item.id, gaps[closer]
     return labels, nearest
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from scenefw.core.geometry import inverse, transform_points
 from scenefw.perception.evidence.mesh_distances import distances_to
-from scenefw.perception.observation.components import EDGE, NEIGHBOURS, depth_parts
+from scenefw.perception.observation.components import EDGE, depth_parts, neighbours
 from scenefw.perception.observation.pixels import coarse_step
 from scenefw.perception.observation.points import MAJORITY, camera_points
 from scenefw_tracking.depth_memory import smallest_change
@@ -126,7 +126,7 @@ class Change:
 def _beside(pixels: Mask, labels: Int32, depth: Float32) -> set[int]:
     """Labels of neighbours (H, W) of pixels, on the same surface."""
     beside: set[int] = set()
-    for a, b in NEIGHBOURS:
+    for a, b in neighbours():
         for first, second in ((a, b), (b, a)):
             linked = pixels[first] & (np.abs(depth[first] - depth[second]) < EDGE)
             beside |= set(np.unique(labels[second][linked]).tolist())

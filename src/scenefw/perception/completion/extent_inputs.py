@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from scenefw.perception.observation.observation import ViewGeometry
 
 _DEFAULT_SAMPLES = ObjectSamples()
-_INLIER_DISTANCE = 0.006  # m: points further from the fit belong to something else
 
 
 class ExtentInputs:
@@ -43,6 +42,7 @@ class ExtentInputs:
         labels: of objects in the masks, one slot each.
         fitted: superquadrics that explain them.
         random: says which points are taken.
+        inlier_distance: points further from the fit belong to something else (m).
         rows: how often they are shown, each time by other points.
         samples: how much of each, as in the network's training.
     """
@@ -54,6 +54,7 @@ class ExtentInputs:
         labels: Sequence[int],
         fitted: Sequence[FittedSuperquadric],
         random: Generator,
+        inlier_distance: float,
         rows: int = 1,
         samples: ObjectSamples = _DEFAULT_SAMPLES,
     ) -> None:
@@ -67,7 +68,7 @@ class ExtentInputs:
         for slot, label in enumerate(labels):
             object_points = view.points[masks == label]
             inliers = object_points[
-                np.abs(signed_distance(fitted[slot], object_points)) < _INLIER_DISTANCE
+                np.abs(signed_distance(fitted[slot], object_points)) < inlier_distance
             ]
             object_points = inliers if len(inliers) else object_points
             indices = random.integers(len(object_points), size=(rows, samples.points))

@@ -108,8 +108,8 @@ class ExtentSampling:
         evidence, superquadrics = list(fits.evidence.values()), list(fits.superquadrics.values())
         rows = max(self.median_of + samples - 1, 1)
         seen_objects = ExtentInputs(  # in each row by other points
-            view, fits.objects.pixels, list(fits.evidence), superquadrics, random, rows,
-            ObjectSamples.of(self.metadata),
+            view, fits.objects.pixels, list(fits.evidence), superquadrics, random,
+            self.tolerances.inlier_distance, rows, ObjectSamples.of(self.metadata),
         )  # fmt: skip
         world_sets = seen_objects.in_world(self._draw(seen_objects, superquadrics, rows, random))
         fallbacks = self._supported_shapes(superquadrics, evidence, view)

@@ -25,9 +25,6 @@ if TYPE_CHECKING:
     from scenefw.perception.steps import Fits
 
 
-_MIN_SURFACE_DISTANCE = 0.1  # voxels, from the surface to a centre beside it
-
-
 class SetNetwork:
     """Completes partial TSDFs with a network that predicts a set of objects, each from a code.
 
@@ -103,13 +100,6 @@ class SetNetwork:
             return np.full(inside.shape, limit, np.float32)
         edt = ndimage.distance_transform_edt
         distances = np.where(inside, 0.5 - edt(inside), edt(~inside) - 0.5) * voxel
-        smooth_distances = (
-            ndimage.gaussian_filter(distances, self.smoothing) if self.smoothing else distances
-        )
-        min_distance = _MIN_SURFACE_DISTANCE * voxel  # what is thin stays inside
-        clamped_distances = np.where(
-            inside,
-            np.minimum(smooth_distances, -min_distance),
-            np.maximum(smooth_distances, min_distance),
-        )
-        return np.clip(clamped_distances, -limit, limit).astype(np.float32)
+        smooth = ndimage.gaussian_filter(distances, self.smoothing) if self.smoothing else distances
+        smooth = np.where(smooth * distances > 0, smooth, distances)  # what is thin stays inside
+        return np.clip(smooth, -limit, limit).astype(np.float32)

@@ -9,7 +9,7 @@ import numpy as np
 
 from scenefw.core.types import Pose
 from scenefw.fitting.placed import EDGE_POINTS, MIN_HALF_AXIS, in_frame_of, shape_of
-from scenefw.perception.observation.components import TOUCH
+from scenefw.perception.observation.components import DETAIL, TOUCH
 from scenefw.perception.observation.free_space import free_ratio
 from scenefw.perception.observation.points import MIN_PARALLEL_COSINE, MINORITY, STRAYS
 from scenefw.shapes.object_shell import Foot
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from scenefw.perception.steps import ObjectSet
 
 _FOOTPRINT_RATIO = 0.8  # share of the footprint that is looked below
-_STEP = 0.005  # m, downwards
 
 
 def extend_to_support(
@@ -105,7 +104,7 @@ def _gap(
         free: (X, Y, Z) what the view shows to be free.
         grid: of free space.
     """
-    heights = np.arange(bottom - _STEP, 0, -_STEP)
+    heights = np.arange(bottom - DETAIL, 0, -DETAIL)
     probes = np.zeros((len(heights), len(footprint), 3))
     probes[..., :2], probes[..., 2] = footprint[:, :2], heights[:, None]
     support_mask = np.zeros(len(heights), dtype=bool)

@@ -11,7 +11,6 @@ from scipy.ndimage import binary_erosion
 
 from scenefw.core.settings import NOT_NEGATIVE, SHARE, at_least
 from scenefw.fitting.placed import signed_distance
-from scenefw.fitting.vessels import MESH_SECTIONS
 from scenefw.perception.evidence.silhouettes import box_about
 from scenefw.perception.observation.pixels import WIDTH
 from scenefw.perception.observation.points import MAJORITY, MINORITY, STRAYS
@@ -30,9 +29,6 @@ if TYPE_CHECKING:
     from scenefw.perception.steps import ObjectSet
 
     Mask = NDArray[np.bool_]
-
-_PROBE_DISTANCE = 0.02  # m, from a seen point towards the camera
-_MAX_PROBE_DEPTH = 0.004  # m: a probe that is deeper lies in the solid
 
 
 class FitsVessels(Protocol):
@@ -217,10 +213,11 @@ class Vessels:
         self, superquadric: FittedSuperquadric, points: Float64, eye: Float64
     ) -> float:
         """Share of the points that a superquadric explains on the side that looks at the camera."""
-        inliers = np.abs(signed_distance(superquadric, points)) < self.tolerances.inlier_distance
+        distances, reach = signed_distance(superquadric, points), self.tolerances.inlier_distance
         to_eye = eye - points
-        probes = points + _PROBE_DISTANCE * to_eye / np.linalg.norm(to_eye, axis=1, keepdims=True)
-        return float((inliers & (signed_distance(superquadric, probes) > -_MAX_PROBE_DEPTH)).mean())
+        probes = points + reach * to_eye / np.linalg.norm(to_eye, axis=1, keepdims=True)
+        faces_eye = signed_distance(superquadric, probes) > distances
+        return float(((np.abs(distances) < reach) & faces_eye).mean())
 
     def _is_open(self, vessel: FittedVessel, points: Float64, grid: GridSpec, free: Mask) -> bool:
         """Whether the view sees into it, and through little of its wall.
@@ -234,7 +231,7 @@ class Vessels:
         narrow = visible_width < self.min_width_ratio * 2 * vessel.shape.radius
         if interior.mean() < MINORITY or narrow or vessel.shape.height < self.min_height:
             return False
-        corners = vessel.shape.mesh(MESH_SECTIONS).vertices + vessel.pose.position
+        corners = vessel.shape.mesh().vertices + vessel.pose.position
         voxels, inside = grid.nearest_voxels(corners)
         free_volume = free[tuple(voxels[inside].T)].mean() * vessel.shape.volume()
         return bool(

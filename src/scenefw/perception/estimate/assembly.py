@@ -18,6 +18,7 @@ from scenefw.perception.estimate.objects import estimate_objects
 from scenefw.perception.estimate.plausibility import objects_with, plausible
 from scenefw.perception.estimate.shape_cues import shape_cues
 from scenefw.perception.evidence.visible_instances import visible_instances
+from scenefw.perception.observation.components import DETAIL
 from scenefw.perception.observation.image_turns import turned, turned_pixels
 from scenefw.perception.observation.points import world_points
 from scenefw.perception.observation.surface_mesh import obstacles_of
@@ -38,7 +39,6 @@ if TYPE_CHECKING:
 
 Item = TypeVar("Item")
 
-_MIN_HEIGHT = 0.005  # m: what is lower shows no object
 _SHAPE_VOLUMES = ("tsdf", "votes")  # what objects are made of; other volumes are kept as they are
 
 
@@ -315,7 +315,7 @@ def _masks(sample: Completion, grid: GridSpec, frame: Frame) -> Int32:
     if sample.masks is not None:
         return without_holes(sample.masks[0].cpu().numpy(), points[..., 2])
     instances = sample.instances[0].cpu().numpy()
-    return visible_instances(instances, points, grid, points[..., 2] > _MIN_HEIGHT)
+    return visible_instances(instances, points, grid, points[..., 2] > DETAIL)
 
 
 def _with_instances(

@@ -12,7 +12,6 @@ from scenefw.core.batches import Completion, SceneParameters
 from scenefw.core.types import PlacedShape
 from scenefw.core.weak_cache import cached_by_identity
 from scenefw.fitting.placed import shape_of
-from scenefw.fitting.vessels import MESH_SECTIONS
 from scenefw.representations.volumes import scene_volumes
 
 if TYPE_CHECKING:
@@ -115,7 +114,7 @@ def with_vessels(
 ) -> tuple[Float32, Int32]:
     """TSDF and instances (X, Y, Z) with vessels, by label, in place of what was there."""
     for label, vessel in vessels.items():
-        corners = vessel.shape.mesh(MESH_SECTIONS).vertices + vessel.pose.position
+        corners = vessel.shape.mesh().vertices + vessel.pose.position
         box = grid.box_about(corners)
         distance = vessel.shape.filled_distance(grid.centres()[box] - vessel.pose.position)
         tsdf, instances = _replaced(tsdf, instances, label, box, distance, grid)

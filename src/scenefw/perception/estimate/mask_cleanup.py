@@ -9,6 +9,7 @@ from scipy import ndimage
 from skimage.segmentation import watershed
 
 from scenefw.core.geometry import inverse, transform_points
+from scenefw.perception.observation.floor_noise import MAX_FLOOR_HEIGHT
 from scenefw.perception.observation.points import MINORITY
 
 if TYPE_CHECKING:
@@ -17,8 +18,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from scenefw.core.types import Camera, Float64, Int32, ObjectEstimate
-
-_MIN_HEIGHT = -0.015  # m: nobody sees so far below the floor
 
 
 def without_holes(masks: Int32, heights: Float64) -> Int32:
@@ -32,7 +31,7 @@ def without_holes(masks: Int32, heights: Float64) -> Int32:
         masks: (H, W) ids of objects.
         heights: (H, W) of pixels above the floor (m), NaN = no depth.
     """
-    holes, count = ndimage.label((masks == 0) & ~(heights > _MIN_HEIGHT))
+    holes, count = ndimage.label((masks == 0) & ~(heights > -MAX_FLOOR_HEIGHT))
     padded_labels = np.pad(np.where(holes > 0, 0, masks + 1), 1)  # 1: of no object
     padded_holes = np.pad(holes, 1)
     owners, borders = [], []

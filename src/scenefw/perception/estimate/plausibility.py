@@ -14,7 +14,7 @@ from scenefw.core.weak_cache import cached_by_identity
 from scenefw.perception.estimate.objects import estimate_objects
 from scenefw.perception.evidence.mesh_distances import distances_to, mesh_volumes
 from scenefw.perception.evidence.object_depth import object_depth
-from scenefw.perception.observation.components import TOUCH
+from scenefw.perception.observation.components import DETAIL, TOUCH
 from scenefw.perception.observation.image_turns import turned_pixels
 from scenefw.perception.observation.object_masks import footprint_hull
 from scenefw.perception.observation.pixels import coarse_step
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 _MIN_POINTS = 10  # visible ones that say something about an object
 _MAX_LENGTH_RATIO = 2.0  # to that of what is visible
 _MIN_LONG = 0.08  # m: what is shorter may be hidden for the most part
-_CELL = 0.005  # m: side of columns below what is visible
 
 
 def plausible(estimate: SceneEstimate, view: Observation) -> SceneEstimate:
@@ -200,14 +199,14 @@ class _Checks:
 
 
 def columns_below(points: Float64, floor: float) -> TriangleMesh:
-    """The solid of columns between a level and the highest of points (N, 3) over each cell."""
-    low = points.min(axis=0) - 2 * _CELL
+    """The solid of columns, `DETAIL` wide, between a level and the highest of points (N, 3)."""
+    low = points.min(axis=0) - 2 * DETAIL
     low[2] = floor
-    cells = np.floor((points - low) / _CELL).astype(int)
+    cells = np.floor((points - low) / DETAIL).astype(int)
     counts = cells.max(axis=0) + 3
     top = np.zeros(counts[:2], dtype=int)
     np.maximum.at(top, (cells[:, 0], cells[:, 1]), np.maximum(cells[:, 2], 1))
     filled = np.arange(counts[2])[None, None] <= top[..., None]
     filled = np.pad(filled & (top[..., None] > 0), 1)
     vertices, faces, _, _ = marching_cubes(filled.astype(np.float32), 0.5)
-    return TriangleMesh(low + (vertices - 0.5) * _CELL, faces[:, ::-1].astype(np.int64))
+    return TriangleMesh(low + (vertices - 0.5) * DETAIL, faces[:, ::-1].astype(np.int64))

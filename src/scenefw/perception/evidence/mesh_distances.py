@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
+from scipy.constants import golden
 
 from scenefw.core.weak_cache import cached_by_identity
 from scenefw.kernels.meshes import NOTHING, Tree
@@ -18,10 +19,10 @@ if TYPE_CHECKING:
 
     from scenefw.core.types import Float32, Float64, GridSpec, Int32, TriangleMesh
 
-_MAX_CROSSINGS = 64  # of a ray with a surface at most
-_PAST_CROSSING = np.float32(1e-6)
+_PAST_CROSSING = np.finfo(np.float32).resolution
 """From a crossing of a ray to where it goes on (m): more than what float32 rounds."""
-_RAY_OFFSET = (3.1e-7, 7.3e-7)  # m: rays through edges of axis-aligned meshes would count twice
+_RAY_OFFSET = _PAST_CROSSING / np.array([golden, np.e])
+"""m: rays through edges of axis-aligned meshes would count twice."""
 
 
 class MeshDistances:
@@ -44,7 +45,7 @@ class MeshDistances:
         start = (points[rows] + (*_RAY_OFFSET, 0.0)).astype(np.float32)
         odd_mask = np.zeros(len(rows), dtype=bool)
         active_rays = np.arange(len(rows))
-        for _ in range(_MAX_CROSSINGS):
+        for _ in self.faces:  # a ray crosses each once at most
             if not len(active_rays):
                 break
             distance, hit = self._cast(start[active_rays], 1.0)
@@ -73,7 +74,7 @@ class MeshDistances:
         return self._height(places, self.high[2] + 1.0, -1.0)
 
     def _height(self, places: Float64, start: float, up: float) -> Float64:
-        points = np.column_stack([places + np.array(_RAY_OFFSET), np.full(len(places), start)])
+        points = np.column_stack([places + _RAY_OFFSET, np.full(len(places), start)])
         distance, hit = self._cast(points.astype(np.float32), up)
         return np.where(hit, start + up * distance.astype(np.float64), np.nan)
 

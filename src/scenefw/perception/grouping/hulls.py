@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,8 +18,6 @@ if TYPE_CHECKING:
     from scenefw.core.types import Float32, Float64, GridSpec, Int32
     from scenefw.perception.observation.observation import Observation, ViewGeometry
     from scenefw.perception.steps import Segmentation
-
-_PLANES_AT_ONCE = 16
 
 
 class HullFilling:
@@ -111,7 +110,7 @@ def _farthest_heights(planes: Float64, places: Float64, reach: float) -> Float64
     Most places are soon known to be out of reach, and the further planes are left out for them.
     """
     heights, active_rows = np.full(len(places), -np.inf), np.arange(len(places))
-    for plane_batch in np.array_split(planes, -(-len(planes) // _PLANES_AT_ONCE)):
+    for plane_batch in np.array_split(planes, math.isqrt(len(planes))):
         batch_heights = (places[active_rows] @ plane_batch[:, :3].T + plane_batch[:, 3]).max(axis=1)
         heights[active_rows] = np.maximum(heights[active_rows], batch_heights)
         active_rows = active_rows[heights[active_rows] < reach]

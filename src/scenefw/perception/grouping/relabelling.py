@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from scenefw.perception.observation.observation import Observation, ViewGeometry
     from scenefw.perception.steps import Grouping
 
-_REACH = 2.0  # voxels, from a rough volume to visible points that are its
-
 
 class Splitting(Protocol):
     """Cuts segments that hold several objects."""
@@ -83,7 +81,7 @@ class ObjectGrouping:
         if rough.instances is None:
             raise TypeError("objects without volumes can't be relabelled")
         points, grid = view.points, view.grid
-        volumes = visible_instances(rough.instances, points, grid, segments > 0, _REACH)
+        volumes = visible_instances(rough.instances, points, grid, segments > 0)
         objects = segments
         if not has_masks and self.split is not None:
             objects = self.split.split(objects, view)

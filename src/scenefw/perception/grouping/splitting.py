@@ -13,7 +13,7 @@ from scenefw.core.settings import COUNT, POSITIVE
 from scenefw.fitting.placed import signed_distance
 from scenefw.perception.evidence.silhouettes import box_about
 from scenefw.perception.observation.pixels import WIDTH
-from scenefw.perception.observation.points import STRAYS
+from scenefw.perception.observation.points import MIN_POINTS, STRAYS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from scenefw.perception.grouping.segment_fits import SegmentFits
     from scenefw.perception.observation.observation import ViewGeometry
 
-_MIN_FIT_POINTS = 4  # as `ShapeFit` needs them
 _MIN_OUTLIER_SIGMAS = 2.0  # standard deviations of pixels that the second superquadric starts from
 _FILTER_WIDTH = 7  # pixels over which sides are evened out
 _MAX_DEPTH = 2  # cuts of a cut
@@ -162,7 +161,7 @@ class FitSplitting:
 
     def _min_pixels(self, parts: Int32) -> float:
         """Of a piece of this image: enough for a fit, however small the image is."""
-        return max(self.min_pixels * (parts.shape[1] / WIDTH) ** 2, _MIN_FIT_POINTS)
+        return max(self.min_pixels * (parts.shape[1] / WIDTH) ** 2, MIN_POINTS)
 
     def _fit(
         self, labels: Sequence[int], parts: Int32, view: ViewGeometry

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.fft import irfft2, next_fast_len, rfft2
 from scipy.ndimage import gaussian_filter
 
-from scenefw.perception.observation.components import EDGE, NEIGHBOURS
+from scenefw.perception.observation.components import EDGE, neighbours
 from scenefw.perception.observation.pixels import coarse_step
 from scenefw.perception.observation.points import STRAYS
 
@@ -71,7 +71,7 @@ def _before_jumps(depth: Float32) -> NDArray[np.bool_]:
     edges = np.zeros(depth.shape, dtype=bool)
     valid_depth = np.where(depth > 0, depth, np.nan)
     limit = EDGE * np.maximum(valid_depth, 1.0) ** 2  # as noise grows
-    for a, b in NEIGHBOURS:
+    for a, b in neighbours():
         for near, far in ((a, b), (b, a)):
             edges[near] |= valid_depth[far] - valid_depth[near] > limit[near]
     edges[:2] = edges[-2:] = edges[:, :2] = edges[:, -2:] = False

@@ -14,14 +14,22 @@ EDGE = 0.03
 NOISE = 0.002
 """m of depth between neighbouring pixels, or of height of a floor, that say nothing."""
 
+DETAIL = 0.005
+"""m: what is smaller, shapes don't show."""
+
 MAX_STEP = 0.012
 """m of depth between neighbouring pixels of one surface."""
 
 TOUCH = 0.01
 """m: surfaces that come as near may touch; hidden parts are not known better."""
 
-NEIGHBOURS = ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:]))
-"""Slices of an image and of what lies on the right, and below."""
+Slices = tuple[slice, ...]
+
+
+def neighbours() -> tuple[tuple[Slices, Slices], tuple[Slices, Slices]]:
+    """Slices of an image and of what lies on the right, and below."""
+    every, first, second = slice(None), slice(None, -1), slice(1, None)
+    return ((every, first), (every, second)), ((first,), (second,))
 
 
 def depth_parts(depth: Float32, mask: NDArray[np.bool_], jump: float) -> NDArray[np.int64]:
@@ -32,7 +40,7 @@ def depth_parts(depth: Float32, mask: NDArray[np.bool_], jump: float) -> NDArray
         mask: (H, W) pixels that belong to a part.
         jump: neighbouring pixels further apart in depth belong to different parts (m).
     """
-    links = [np.abs(depth[a] - depth[b]) < jump for a, b in NEIGHBOURS]
+    links = [np.abs(depth[a] - depth[b]) < jump for a, b in neighbours()]
     return linked_parts(mask, links[0], links[1])
 
 
@@ -49,7 +57,7 @@ def linked_parts(
     index = np.arange(mask.size).reshape(mask.shape)
     rows, columns = [], []
     linked = iter((across, down))
-    for a, b in NEIGHBOURS:
+    for a, b in neighbours():
         link_mask = mask[a] & mask[b] & next(linked)
         rows.append(index[a][link_mask])
         columns.append(index[b][link_mask])

@@ -14,19 +14,18 @@ from scenefw.core.settings import NOT_NEGATIVE, SHARE, above, between
 from scenefw.core.types import Frame
 from scenefw.data.files.image_checks import check_depth
 from scenefw.perception.observation.colour_alignment import colour_shift
+from scenefw.perception.observation.components import TOUCH
 from scenefw.perception.observation.depth_reading import better_reading
 from scenefw.perception.observation.floor import FloorFinder
 from scenefw.perception.observation.object_groups import MAX_UNSAID_RATIO
+from scenefw.perception.observation.points import MINORITY
 from scenefw.perception.observation.workspace import OUTSIDE_CUBE, Workspace
 
 GOOD, ODD, UNUSABLE = "good", "odd", "unusable"
 """Verdicts: a prediction is made with an odd image, and none of an unusable one."""
 
-_FIELD_OF_VIEW = (15.0, 120.0)
-_FOCAL_RATIO = 1.2
+_MAX_FOCAL_RATIO = 4.0  # of focal length to a side, or the reverse: views of 14 to 127 degrees
 _MAX_CENTRE_OFFSET = 0.25  # of the sides
-_MAX_DEVIATION = 0.01  # m
-_MIDDLE = 0.06  # of the sides: so near the middle, a centre belongs to an image of that shape
 _MAX_PIXELS = 4_000_000  # beyond, time and memory grow and accuracy hardly does
 _FIX_SEPARATOR = re.compile(r"; |(?<=\?) ")
 
@@ -161,7 +160,7 @@ class Doctor:
         deviation = f"{floor.deviation * 1000:.0f} mm"
         support = f"{floor.share:.0%} of the points lie on the floor, {deviation} off it"
         evenness = Check("floor", GOOD, support)
-        if floor.deviation > _MAX_DEVIATION:
+        if floor.deviation > TOUCH:
             finding = f"the floor is uneven or noisy ({deviation})"
             evenness = Check("floor", ODD, finding, "check the intrinsics")
         elif floor.share < FloorFinder.min_inlier_ratio:
@@ -251,17 +250,17 @@ def _check_intrinsics(frame: Frame) -> list[Check]:
     sizes = ((camera.width, camera.fx), (camera.height, camera.fy))
     views = [float(np.degrees(2 * np.arctan(side / (2 * focal)))) for side, focal in sizes]
     angles = f"{views[0]:.0f} x {views[1]:.0f} degrees"
-    if not all(_FIELD_OF_VIEW[0] < view < _FIELD_OF_VIEW[1] for view in views):
+    if not all(1 / _MAX_FOCAL_RATIO < focal / side < _MAX_FOCAL_RATIO for side, focal in sizes):
         finding = (
             f"intrinsics of {frame.name} give a view of {angles} with fx = {camera.fx:g} at "
             f"{camera.width} x {camera.height} pixels"
         )
         fix = "give fx, fy, cx, cy in pixels of this image size"
         return [Check("intrinsics", UNUSABLE, finding, fix)]
-    has_square_pixels = 1 / _FOCAL_RATIO < camera.fx / camera.fy < _FOCAL_RATIO
+    has_square_pixels = abs(camera.fx / camera.fy - 1) < MINORITY
     offset = (camera.cx / camera.width - 0.5, camera.cy / camera.height - 0.5)
     transposed_offset = (camera.cx / camera.height - 0.5, camera.cy / camera.width - 0.5)
-    is_swapped = max(np.abs(transposed_offset)) < _MIDDLE < max(np.abs(offset))
+    is_swapped = max(np.abs(transposed_offset)) < MINORITY < max(np.abs(offset))
     is_central = max(np.abs(offset)) <= _MAX_CENTRE_OFFSET and not is_swapped
     return [
         Check.of(

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import ndimage
 
-from scenefw.perception.observation.floor_noise import FLOOR_SIGMAS, FloorNoise
+from scenefw.fitting.placed import OUTLIERS
+from scenefw.perception.observation.floor_noise import FloorNoise
 from scenefw.perception.observation.pixels import WIDTH, scaled
 
 if TYPE_CHECKING:
@@ -39,7 +40,7 @@ def flat_things(
     raised = ndimage.binary_fill_holes(~(heights < min_height))  # also where no depth is
     raised = ndimage.binary_dilation(raised, iterations=2 * window)
     mean = ndimage.uniform_filter(np.where(raised, 0.0, heights), 2 * window + 1)
-    flat = (mean > np.maximum(FLOOR_SIGMAS * noise, floor_margin)) & ~raised
+    flat = (mean > np.maximum(OUTLIERS * noise, floor_margin)) & ~raised
     labels, _ = ndimage.label(ndimage.binary_opening(flat, iterations=window))
     beside = np.unique(labels[ndimage.binary_dilation(raised, iterations=window)])
     sizes = np.bincount(labels.ravel())

@@ -1,5 +1,6 @@
 """The plane that the objects stand on, by RANSAC."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +12,8 @@ from scenefw.core.errors import InputError
 from scenefw.core.floors import Floor
 from scenefw.core.settings import COUNT, POSITIVE, SHARE
 from scenefw.core.types import Frame
-from scenefw.perception.observation.floor_noise import FLOOR_SIGMAS, MIN_POINTS, robust_sigma
+from scenefw.fitting.placed import OUTLIERS
+from scenefw.perception.observation.floor_noise import MIN_POINTS, robust_sigma
 from scenefw.perception.observation.points import (
     MIN_PARALLEL_COSINE,
     REFINEMENTS,
@@ -22,7 +24,6 @@ from scenefw.perception.observation.points import (
 Array = NDArray[np.float64]
 
 _EXAMINED_PLANES = 40  # random planes with most points, of which is asked what is seen through them
-_PLANES_AT_ONCE = 32  # their distances from all scored points fit into a core's cache
 _UPRIGHT_WEIGHT = 1.5  # images are mostly upright: a wall needs more points than a floor
 TABLE_HEIGHT = 0.3
 """A plane this far above another (m) is a table on a room's floor; so high is what lies on one."""
@@ -121,12 +122,11 @@ class FloorFinder:
 
     def _inlier_ratios(self, points: Array, normals: Array, heights: Array) -> Array:
         """Ratio (P,) of points (N, 3) that lie on each of P planes."""
-        ratios = np.empty(len(normals))
-        for first in range(0, len(normals), _PLANES_AT_ONCE):
-            rows = slice(first, first + _PLANES_AT_ONCE)
-            distance = normals[rows] @ points.T + heights[rows, None]
-            ratios[rows] = self._inliers(points, distance).mean(axis=1)
-        return ratios
+        parts = [  # so small that a core's cache holds the distances of all points
+            np.array_split(rows, math.isqrt(len(normals))) for rows in (normals, heights[:, None])
+        ]
+        distances = (part @ points.T + height for part, height in zip(*parts, strict=True))
+        return np.concatenate([self._inliers(points, d).mean(axis=1) for d in distances])
 
     def _seen_through(self, points: Array, normal: Array, height: float, inliers: Array) -> float:
         """Share of points that a plane would hide, within the convex hull of its own points."""
@@ -147,7 +147,7 @@ class FloorFinder:
             normal, height = _fit_plane(points[inliers])
             distance = points @ normal + height
             inliers = near_plane(points, distance, threshold)
-            noise = FLOOR_SIGMAS * robust_sigma(distance[inliers])
+            noise = OUTLIERS * robust_sigma(distance[inliers])
             threshold = np.clip(noise, self.inlier_distance / 4, self.inlier_distance)
         inliers = self._inliers(points, distance)
         mean_square = float(np.mean(distance[inliers] ** 2))

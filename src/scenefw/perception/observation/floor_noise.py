@@ -15,14 +15,13 @@ from scenefw.perception.observation.points import MINORITY
 if TYPE_CHECKING:
     from scenefw.core.types import Float32, Float64
 
-_MAX_HEIGHT = 0.015  # m from the floor: what is farther away isn't the floor
 _MIN_CORRELATION = 0.92  # stereo matching has 0.95 to 0.99, structured light at most 0.9
+MAX_FLOOR_HEIGHT = 0.015
+"""m above and below the floor: what is farther away isn't the floor."""
 MIN_POINTS = 100
 """Fewer points say nothing about a floor."""
 ROUNDING = 1e-5
 """No measurement is as close to the floor (m), over many pixels."""
-FLOOR_SIGMAS = 3.0
-"""Standard deviations of its noise within which points are on the floor (the three-sigma rule)."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +64,7 @@ def has_correlated_noise(heights: Float64) -> bool:
     correlations, step = [], scaled(1, heights.shape[1])
     columns = heights[:, step:], heights[:, :-step]
     for first, second in ((heights[step:], heights[:-step]), columns):
-        on_floor = (np.abs(first) < _MAX_HEIGHT) & (np.abs(second) < _MAX_HEIGHT)
+        on_floor = (np.abs(first) < MAX_FLOOR_HEIGHT) & (np.abs(second) < MAX_FLOOR_HEIGHT)
         min_pixels = max(MIN_POINTS, MINORITY * on_floor.sum())
         on_floor &= (np.abs(first) > ROUNDING) & (np.abs(second) > ROUNDING)
         if on_floor.sum() < min_pixels:

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import QhullError
 
 from scenefw.core.errors import InputError
-from scenefw.perception.observation.floor_noise import FLOOR_SIGMAS
+from scenefw.fitting.placed import OUTLIERS
 from scenefw.perception.observation.points import world_points
 from scenefw.shapes.hulls import hull_mesh
 
@@ -83,7 +83,7 @@ def _visible(
     inside = measured & (voxels > -0.5).all(axis=-1) & (voxels < grid.resolution - 0.5).all(axis=-1)
     above = inside & (points[..., 2] > 0)
     high, low = shown & raised, inside & ~raised
-    is_low = high.sum() < low.sum() and np.median(points[low][:, 2]) > FLOOR_SIGMAS * noise
+    is_low = high.sum() < low.sum() and np.median(points[low][:, 2]) > OUTLIERS * noise
     if high.any() and not is_low:
         return high, ""
     if above.any():

@@ -7,7 +7,7 @@ from scenefw.core import geometry
 from scenefw.core.types import Camera, Frame
 
 MAJORITY = 0.5
-"""Ratio of points, pixels or objects above which it is most of them."""
+"""Ratio of points, pixels or objects above which it is most of them; so probable is likely."""
 
 MINORITY = 0.1
 """Ratio of them below which it is few."""

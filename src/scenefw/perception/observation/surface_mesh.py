@@ -8,6 +8,7 @@ import numpy as np
 
 from scenefw.core.types import Obstacle, TriangleMesh
 from scenefw.perception.observation.components import EDGE
+from scenefw.perception.observation.pixels import coarse_step
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,8 +19,6 @@ if TYPE_CHECKING:
     from scenefw.perception.observation.observation import Observation
 
     Mask = NDArray[np.bool_]
-
-_COLUMNS = 160  # of the image, at least so many have vertices
 
 
 def obstacles_of(observations: Sequence[Observation]) -> tuple[Obstacle, ...]:
@@ -42,7 +41,7 @@ def surface_mesh(points: Float64, pixels: Mask) -> TriangleMesh:
         points: (H, W, 3) of the image (m), NaN = no depth.
         pixels: (H, W) that show the surface.
     """
-    stride = max(1, points.shape[1] // _COLUMNS)
+    stride = coarse_step(points.shape[1])
     points, pixels = points[::stride, ::stride], pixels[::stride, ::stride]
     number = np.cumsum(pixels).reshape(pixels.shape) - 1
     corners = (np.s_[:-1, :-1], np.s_[1:, :-1], np.s_[1:, 1:], np.s_[:-1, 1:])

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     Mask = NDArray[np.bool_]
 
-_MAX_UPWARD = np.sqrt(1 - MIN_PARALLEL_COSINE**2)  # of normals of vertical surfaces
+_MAX_UPWARD = np.sin(np.arccos(MIN_PARALLEL_COSINE))  # of normals of vertical surfaces
 _REACH = 4  # pixels of the thinned image, from a point to those that give its normal
 _MAX_GAP = 0.1  # m between points that give a normal
 _MAX_WALLS = 8

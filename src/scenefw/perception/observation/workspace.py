@@ -13,8 +13,9 @@ from scenefw.core.errors import InputError
 from scenefw.core.floors import Floor
 from scenefw.core.settings import COUNT, POSITIVE
 from scenefw.core.types import Float32, Frame, GridSpec
+from scenefw.fitting.placed import OUTLIERS
 from scenefw.perception.observation.flat_things import flat_things
-from scenefw.perception.observation.floor_noise import FLOOR_SIGMAS, ROUNDING, floor_sigma
+from scenefw.perception.observation.floor_noise import ROUNDING, floor_sigma
 from scenefw.perception.observation.image_turns import turned, turned_pixels
 from scenefw.perception.observation.object_groups import (
     fitting_groups,
@@ -269,7 +270,7 @@ def _flat_pixels(heights: Array, depth: Float32, region: Mask) -> Mask:
         depth: (H, W) metres.
         region: (H, W) marked.
     """
-    limit = FLOOR_SIGMAS * np.maximum(floor_sigma(heights, depth) * depth**2, ROUNDING)
+    limit = OUTLIERS * np.maximum(floor_sigma(heights, depth) * depth**2, ROUNDING)
     marked = region & np.isfinite(heights)
     if not marked.any() or np.median((heights - limit)[marked]) < 0:
         return np.zeros_like(region)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from itertools import combinations
 from typing import TYPE_CHECKING
@@ -9,16 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from scenefw.perception.evidence.mesh_distances import MeshDistances, distances_to
+from scenefw.perception.observation.components import DETAIL
 from scenefw.perception.observation.points import SAMPLE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from scenefw.core.types import Float64, ObjectEstimate
-
-_SAMPLES = 20  # points along each side of a box that two objects share, or of a footprint
-TOLERANCE = 0.005
-"""Metres: objects that touch may run into each other, or hover, by this much."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +51,7 @@ class Hover:
     below: int
 
 
-def overlaps(objects: Sequence[ObjectEstimate], tolerance: float = TOLERANCE) -> list[Overlap]:
+def overlaps(objects: Sequence[ObjectEstimate], tolerance: float = DETAIL) -> list[Overlap]:
     """Pairs of objects, and objects and the floor, that share more than touching ones do.
 
     Args:
@@ -68,7 +66,7 @@ def overlaps(objects: Sequence[ObjectEstimate], tolerance: float = TOLERANCE) ->
     return [overlap for overlap in candidates if overlap.depth > tolerance]
 
 
-def hovers(objects: Sequence[ObjectEstimate], tolerance: float = TOLERANCE) -> list[Hover]:
+def hovers(objects: Sequence[ObjectEstimate], tolerance: float = DETAIL) -> list[Hover]:
     """Objects with neither the floor nor another object below them within the tolerance.
 
     An object that leans out too far is carried all the same: whether a pile stands, a simulation
@@ -83,7 +81,7 @@ def hovers(objects: Sequence[ObjectEstimate], tolerance: float = TOLERANCE) -> l
     return [hover for hover in candidates if hover.gap > tolerance]
 
 
-def contact_words(objects: Sequence[ObjectEstimate], tolerance: float = TOLERANCE) -> list[str]:
+def contact_words(objects: Sequence[ObjectEstimate], tolerance: float = DETAIL) -> list[str]:
     """A line for each overlap and each object that nothing carries; none if all is well."""
     lines = []
     for overlap in overlaps(objects, tolerance):
@@ -105,7 +103,7 @@ def _overlap(a: int, first: MeshDistances, b: int, second: MeshDistances) -> Ove
     low, high = np.maximum(first.low, second.low), np.minimum(first.high, second.high)
     if (low >= high).any():
         return Overlap(a, b, 0.0, 0.0)
-    points = _lattice(low, high, _SAMPLES)
+    points = _lattice(low, high)
     shared = points[first.inside(points)]
     shared = shared[second.inside(shared)]
     volume = float((high - low).prod()) * len(shared) / len(points)
@@ -135,7 +133,7 @@ def shared_places(first: MeshDistances, second: MeshDistances) -> Float64:
     """Places (N, 2) of the floor under both: a lattice, and below their vertices."""
     low = np.maximum(first.low, second.low)[:2]
     high = np.minimum(first.high, second.high)[:2]
-    axes = [np.linspace(a, b, _SAMPLES) for a, b in zip(low, high, strict=True)]
+    axes = [np.linspace(a, b, math.isqrt(SAMPLE)) for a, b in zip(low, high, strict=True)]
     lattice = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
     corners = []
     for solid in (first, second):
@@ -144,8 +142,9 @@ def shared_places(first: MeshDistances, second: MeshDistances) -> Float64:
     return np.concatenate([lattice, *corners])
 
 
-def _lattice(low: Float64, high: Float64, count: int) -> Float64:
+def _lattice(low: Float64, high: Float64) -> Float64:
     """Middles (N, 3) of the cells of a box."""
+    count = round(SAMPLE ** (1 / 3))
     steps = (np.arange(count) + 0.5) / count
     axes = [a + steps * (b - a) for a, b in zip(low, high, strict=True)]
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import IntEnum
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
@@ -12,8 +13,9 @@ from scipy.spatial import ConvexHull, QhullError
 
 from scenefw.core.weak_cache import cached_by_identity
 from scenefw.perception.evidence.mesh_distances import MeshDistances, distances_to
+from scenefw.perception.observation.components import DETAIL
 from scenefw.perception.observation.points import MAJORITY
-from scenefw.perception.physics.contacts import TOLERANCE, shared_places
+from scenefw.perception.physics.contacts import shared_places
 from scenefw.shapes.moments import moments
 
 if TYPE_CHECKING:
@@ -21,10 +23,14 @@ if TYPE_CHECKING:
 
     from scenefw.core.types import Float64, ObjectEstimate
 
-FLOOR = 0
-"""Stands for the floor among ids of objects."""
 
-"""What rises into more than half of a thing's height stands beside it, and doesn't carry it."""
+class Ground(IntEnum):
+    """What carries objects and is none, as an id."""
+
+    FLOOR = 0
+
+
+FLOOR = Ground.FLOOR
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,9 +119,9 @@ def support_graph(objects: Sequence[ObjectEstimate]) -> SupportGraph:
 def _contacts(label: int, solids: Mapping[int, MeshDistances]) -> dict[int, Float64]:
     upper = solids[label]
     contacts, rests = {}, _rests(upper)
-    if upper.low[2] <= TOLERANCE:
+    if upper.low[2] <= DETAIL:
         vertices = upper.vertices
-        contacts[FLOOR] = vertices[vertices[:, 2] <= upper.low[2] + TOLERANCE, :2]
+        contacts[FLOOR] = vertices[vertices[:, 2] <= upper.low[2] + DETAIL, :2]
     for below, lower in solids.items():
         if below == label:
             continue
@@ -135,15 +141,16 @@ def _rests(upper: MeshDistances) -> WeakKeyDictionary[MeshDistances, Float64]:
 def _touching(upper: MeshDistances, lower: MeshDistances) -> Float64:
     """Places (N, 2) at which one solid rests on another (m)."""
     apart = (lower.high[:2] < upper.low[:2]).any() or (lower.low[:2] > upper.high[:2]).any()
-    if apart or lower.low[2] > upper.high[2] or lower.high[2] < upper.low[2] - TOLERANCE:
+    if apart or lower.low[2] > upper.high[2] or lower.high[2] < upper.low[2] - DETAIL:
         return np.zeros((0, 2))
     places = shared_places(upper, lower)
     bottom, rest = upper.lowest(places), lower.highest(places)
-    touches = bottom - rest <= TOLERANCE
+    touches = bottom - rest <= DETAIL
     places, bottom, rest = places[touches], bottom[touches], rest[touches]
     if not len(places):
         return places
-    is_below = lower.lowest(places) < bottom - TOLERANCE
+    is_below = lower.lowest(places) < bottom - DETAIL
+    # What rises into more than half of a thing's height stands beside it
     carries = rest - bottom < MAJORITY * (upper.highest(places) - bottom)
     return np.asarray(places[is_below & carries])
 

@@ -9,10 +9,12 @@ import numpy as np
 from scipy.special import logit
 
 from scenefw.core.settings import COUNT, NOT_NEGATIVE, PROBABILITY, below
+from scenefw.fitting.placed import OUTLIERS
 from scenefw.perception.observation.components import EDGE, MAX_STEP, linked_parts
-from scenefw.perception.observation.floor_noise import FLOOR_SIGMAS, ROUNDING
+from scenefw.perception.observation.floor_noise import ROUNDING
 from scenefw.perception.observation.pixel_probabilities import pixel_probabilities
 from scenefw.perception.observation.pixels import WIDTH
+from scenefw.perception.observation.points import MAJORITY
 from scenefw.perception.segmentation.crease_segmentation import high_parts
 from scenefw.perception.segmentation.region_merging import RegionMerging
 from scenefw.perception.segmentation.regions import grown, large_parts
@@ -24,9 +26,6 @@ if TYPE_CHECKING:
     from scenefw.core.training_protocols import Trained
     from scenefw.core.types import Float32, Float64, Int32
     from scenefw.perception.observation.observation import Observation
-
-
-_LIKELY = 0.5  # more probably than not
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +94,7 @@ class AffinitySegmentation:
         else:
             odds, above = logit(objects)[thinned_pixels], np.isfinite(heights)
             if not smooth:
-                above &= heights > FLOOR_SIGMAS * noise
+                above &= heights > OUTLIERS * noise
                 odds = odds + (heights / np.maximum(noise, ROUNDING)) ** 2 / 2
             above &= odds > logit(self.min_pixel_probability)
         regions = self._regions(depth, across, down, above[::step, ::step])
@@ -106,7 +105,7 @@ class AffinitySegmentation:
         min_pixels = self.min_pixels * (frame.depth.shape[1] / WIDTH) ** 2
         parts = large_parts(merged_regions, max(1, round(min_pixels / step**2)))
         if objects is not None:
-            is_unlikely = (parts > 0) & (_means(objects, parts) < _LIKELY)
+            is_unlikely = (parts > 0) & (_means(objects, parts) < MAJORITY)
             parts = large_parts(np.where(is_unlikely, 0, parts).astype(np.int64), 1)
             above &= ~is_unlikely[thinned_pixels]
         same_depth = np.abs(frame.depth - depth[thinned_pixels]) < MAX_STEP
@@ -120,7 +119,7 @@ class AffinitySegmentation:
         """Regions (H, W), 0 = none, of the thinned image, before neighbours are joined."""
         cores = linked_parts(above, across > self.min_core_affinity, down > self.min_core_affinity)
         regions = large_parts(cores, self.min_region)
-        components = linked_parts(above, across > _LIKELY, down > _LIKELY)
+        components = linked_parts(above, across > MAJORITY, down > MAJORITY)
         # slivers, of which no few pixels are sure
         is_sliver = ~np.isin(components, components[regions > 0])
         slivers = large_parts(np.where(is_sliver, components, 0), self.min_region)

@@ -10,7 +10,7 @@ from scipy.ndimage import distance_transform_edt, find_objects
 
 from scenefw.core.settings import COUNT, at_least
 from scenefw.kernels.cameras import floor_depths, stack_cameras
-from scenefw.perception.observation.components import EDGE, MAX_STEP, NEIGHBOURS, NOISE
+from scenefw.perception.observation.components import EDGE, MAX_STEP, NOISE, neighbours
 from scenefw.perception.observation.pixels import WIDTH
 from scenefw.perception.segmentation.ramp_width import ramp_width
 
@@ -127,7 +127,7 @@ def jumps(depth: Float32, parts: Int32, min_step: float = 0.0) -> NDArray[np.boo
         min_step: by how much depth differs there (m); 0 takes all ends of parts.
     """
     edges = np.zeros(parts.shape, dtype=bool)
-    for first, second in NEIGHBOURS:
+    for first, second in neighbours():
         ends = parts[first] != parts[second]
         if min_step:
             measured = (depth[first] > 0) & (depth[second] > 0)

@@ -9,7 +9,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from scenefw.core.types import Float32, Float64, Frame, Int32
-from scenefw.perception.observation.components import EDGE, NEIGHBOURS, NOISE
+from scenefw.perception.observation.components import EDGE, NOISE, neighbours
 from scenefw.perception.observation.points import camera_points
 
 
@@ -23,7 +23,7 @@ def hiding(parts: Int32, depth: Float32, share: float = 0.9) -> NDArray[np.bool_
         depth: (H, W) metres.
         share: of a border's pixels at which depth must jump (`EDGE`).
     """
-    across, down = (np.abs(depth[a] - depth[b]) > EDGE for a, b in NEIGHBOURS)
+    across, down = (np.abs(depth[a] - depth[b]) > EDGE for a, b in neighbours())
     jumps, borders = along_borders(parts, across, down)
     occlusions: NDArray[np.bool_] = (borders > 0) & (jumps >= share * borders)
     return occlusions
@@ -45,7 +45,7 @@ def along_borders(
     count = int(parts.max(initial=0)) + 1
     sums, lengths = np.zeros((2, count, count))
     values = iter((across, down))
-    for a, b in NEIGHBOURS:
+    for a, b in neighbours():
         value, first, second = next(values), parts[a], parts[b]
         on_border = (first != second) & (first > 0) & (second > 0)
         for rows, columns in ((first, second), (second, first)):
@@ -140,7 +140,7 @@ def _steps(
 ) -> csr_matrix:
     """Costs between neighbours, by their numbers."""
     rows, columns, costs = [], [], []
-    for a, b in NEIGHBOURS:
+    for a, b in neighbours():
         link_mask = mask[a] & mask[b] & (np.abs(depth[a] - depth[b]) <= max_step)
         rise = np.abs(depth[a][link_mask] - depth[b][link_mask])
         rows.append(number[a][link_mask])

@@ -179,7 +179,9 @@ def test_sets_of_all_rows_are_where_they_are_in_the_world():
         for one in sampled(method([boxes_that_end_at(scene, 0.08)]), scene)[0].values()
     ]
     objects, view = scene
-    shown = ExtentInputs(view, objects.masks, [1, 2], fitted, np.random.default_rng(0), rows=3)
+    shown = ExtentInputs(
+        view, objects.masks, [1, 2], fitted, np.random.default_rng(0), 0.006, rows=3
+    )
     batch = shown.batch(fitted, torch.device("cpu"))
     assert batch.points.shape[0] == 3
     assert not torch.allclose(batch.positions[0], batch.positions[1], atol=1e-5)

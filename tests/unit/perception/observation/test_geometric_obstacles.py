@@ -89,7 +89,7 @@ def test_the_mesh_of_a_surface_has_its_area(size):
     mesh = surface_mesh(points, np.isfinite(points[..., 0]))
     a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
-    stride = max(1, size[0] // 160)
+    stride = max(1, size[0] // 320)
     corners = points[::stride, ::stride][[0, 0, -1, -1], [0, -1, -1, 0], :2]
     x, y = corners.T
     expected = abs(x @ np.roll(y, 1) - y @ np.roll(x, 1)) / 2
