@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from scenefw.core.types import Float64
     from scenefw.fitting.superquadrics import Sizes, SuperquadricFit
 
-_GROWTH = 0.03  # m, of half-axes in one round
-
 
 class JointFit:
     """Fits each object alone, then again with the others outside of it (thesis 5.2.5).
@@ -104,11 +102,16 @@ class JointFit:
                 break
             places = _place_shells(fitted, shells, number / self.rounds)
             joint_evidence = [
-                self._add_outside(item, _nearby_points(fitted[k], _other_points(places, k)))
+                self._add_outside(item, self._nearby(fitted[k], _other_points(places, k)))
                 for k, item in enumerate(evidence)
             ]
             fitted = self.single.refit(joint_evidence, fitted, sizes)
         return fitted
+
+    def _nearby(self, fitted: FittedSuperquadric, places: Float64) -> Float64:
+        """Places that an object may come to contain in a few steps."""
+        local = np.abs(in_frame_of(fitted, places))
+        return np.asarray(places[(local < 1.5 * fitted.half_axes + self.sigma).all(axis=1)])
 
     def _add_outside(self, evidence: Evidence, points: Float64) -> Evidence:
         sigmas = np.concatenate([evidence.outside_sigmas, np.full(len(points), self.sigma)])
@@ -136,9 +139,3 @@ def _overlap(fitted: Sequence[FittedSuperquadric], places: Sequence[Float64]) ->
 def _other_points(places: Sequence[Float64], index: int) -> Float64:
     """Places of all objects but one."""
     return np.concatenate([np.empty((0, 3)), *places[:index], *places[index + 1 :]])
-
-
-def _nearby_points(fitted: FittedSuperquadric, places: Float64) -> Float64:
-    """Places that an object may come to contain in a few steps."""
-    local = np.abs(in_frame_of(fitted, places))
-    return np.asarray(places[(local < 1.5 * fitted.half_axes + _GROWTH).all(axis=1)])

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from scenefw.core.types import Float64
 
 _MIN_PROFILE, _MAX_PROFILE = (0.25, 0.25), (1.15, 2.0)  # base and curve
-_MAX_WALL_RATIO = 0.8  # to radius and height: a vessel is hollow
-_RIM_QUANTILE = 0.9  # quantile of heights above which points are of the rim
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +42,7 @@ class FittedVessel:
 
 @dataclass(eq=False)
 class VesselFit:
-    """Fits upright vessels by robust least squares, from the circle of the rim.
+    """Fits upright vessels by robust least squares, from the box of its upper half.
 
     Centre, radius, height, shape of the profile and wall are found together. What looks at the
     camera decides on which side of the wall a point lies. A wall is as thick as expected unless
@@ -82,9 +80,9 @@ class VesselFit:
         min_height = float(np.quantile(points[:, 2], 0.02))
         bottom = 0.0 if min_height < self.stands else min_height
         top = float(np.quantile(points[:, 2], 0.99))
-        rim = points[points[:, 2] >= np.quantile(points[:, 2], _RIM_QUANTILE)]
-        x, y, radius = _circle(rim[:, :2])
-        radius = float(np.clip(radius, 0.02, 0.15))
+        upper = points[points[:, 2] >= np.median(points[:, 2]), :2]
+        x, y = (upper.min(axis=0) + upper.max(axis=0)) / 2
+        radius = float(np.clip(np.ptp(upper, axis=0).max() / 2, 0.02, 0.15))
         height = max(top - bottom, 0.01)
         profile, spread = np.mean([_MIN_PROFILE, _MAX_PROFILE], axis=0), OUTLIERS * self.wall_sigma
         low = [x - 0.1, y - 0.1, 0.012, 0.008, *_MIN_PROFILE, self.wall - spread]
@@ -125,7 +123,6 @@ def _first_order_distances(
 ) -> Float64:
     """Distances (K, N) to the side of the wall that the camera sees, of K vessels (K, 7)."""
     x, y, radius, height, base, curve, wall = numbers.T[..., None]
-    wall = np.minimum(wall, _MAX_WALL_RATIO * np.minimum(radius, height))
     offset_x, offset_y, z = points[:, 0] - x, points[:, 1] - y, points[:, 2] - bottom
     flat = np.hypot(offset_x, offset_y)
     t = np.minimum(np.maximum(z, wall) / height, 1.0)
@@ -155,7 +152,7 @@ def _distances(
 
 def _vessel(numbers: Float64) -> Vessel:
     radius, height, base, curve, wall = (float(value) for value in numbers[2:])
-    return Vessel(radius, base, curve, height, min(wall, _MAX_WALL_RATIO * min(radius, height)))
+    return Vessel(radius, base, curve, height, wall)
 
 
 def _fitted_vessel(numbers: Float64, points: Float64, eye: Float64, bottom: float) -> FittedVessel:
@@ -163,13 +160,3 @@ def _fitted_vessel(numbers: Float64, points: Float64, eye: Float64, bottom: floa
     place = np.array([numbers[0], numbers[1], bottom - vessel.bottom])
     distances, inside = _distances(vessel, numbers[:2], points, eye, bottom)
     return FittedVessel(vessel, Pose.from_matrix(rigid(np.eye(3), place)), distances, inside)
-
-
-def _circle(points: Float64) -> tuple[float, float, float]:
-    """Centre and radius of a circle through points (N, 2), by algebraic least squares."""
-    mean = points.mean(axis=0)
-    offsets = points - mean
-    columns = np.column_stack([2 * offsets, np.ones(len(offsets))])
-    solution = np.linalg.lstsq(columns, (offsets**2).sum(axis=1), rcond=None)[0]
-    radius = np.sqrt(max(solution[2] + (solution[:2] ** 2).sum(), 0.0))
-    return *(mean + solution[:2]).tolist(), float(radius)

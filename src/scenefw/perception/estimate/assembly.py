@@ -10,7 +10,7 @@ import torch
 
 from scenefw.core.types import SceneEstimate
 from scenefw.matching.instances import renumbered_like
-from scenefw.perception.estimate.carving import MIN_VOLUME, carve, whole_objects
+from scenefw.perception.estimate.carving import carve, whole_objects
 from scenefw.perception.estimate.composition import composed, shell_meshes, with_shells
 from scenefw.perception.estimate.marked_objects import called, marked_solids
 from scenefw.perception.estimate.mask_cleanup import with_unmeasured_pixels, without_holes
@@ -18,7 +18,7 @@ from scenefw.perception.estimate.objects import estimate_objects
 from scenefw.perception.estimate.plausibility import objects_with, plausible
 from scenefw.perception.estimate.shape_cues import shape_cues
 from scenefw.perception.evidence.visible_instances import visible_instances
-from scenefw.perception.observation.components import DETAIL
+from scenefw.perception.observation.components import DETAIL, EDGE
 from scenefw.perception.observation.image_turns import turned, turned_pixels
 from scenefw.perception.observation.points import world_points
 from scenefw.perception.observation.surface_mesh import obstacles_of
@@ -160,7 +160,7 @@ def _lasting(
     return {
         label: mesh
         for label, mesh in meshes.items()
-        if visible_areas[label] >= MIN_VOLUME ** (2 / 3)
+        if visible_areas[label] >= EDGE**2
         and view.grid.nearest_voxels(mesh.vertices.mean(axis=0))[1]
     }
 

@@ -10,9 +10,7 @@ from torch.nn import functional
 
 from scenefw.core.batches import PartialTSDF
 from scenefw.core.types import GridSpec
-
-MIN_VOLUME = 3e-5
-"""What is smaller is a fragment, no object (m^3)."""
+from scenefw.perception.observation.components import EDGE
 
 
 def carve(tsdf: Tensor, partial: PartialTSDF, grid: GridSpec) -> Tensor:
@@ -57,17 +55,18 @@ def whole_objects(
     labels = np.where(inside, instances.cpu().numpy(), 0)
     new_labels = np.zeros(labels.shape, dtype=np.int32)
     main_parts, further_parts = [], []
+    min_volume = EDGE**3  # less is a fragment
     for label in np.unique(labels[labels > 0]):
         parts, _ = ndimage.label(labels == label)
         volumes = np.bincount(parts.ravel())[1:] * grid.voxel_size**3
         order = np.argsort(-volumes, kind="stable")
         if label in lasting:
-            if volumes[order[0]] >= MIN_VOLUME:
+            if volumes[order[0]] >= min_volume:
                 new_labels[parts == order[0] + 1] = label
             continue
-        if volumes[order[0]] >= MIN_VOLUME:
+        if volumes[order[0]] >= min_volume:
             main_parts.append(parts == order[0] + 1)
-        further_parts += [parts == i + 1 for i in order[1:] if volumes[i] >= MIN_VOLUME]
+        further_parts += [parts == i + 1 for i in order[1:] if volumes[i] >= min_volume]
     for number, mask in enumerate([*main_parts, *further_parts], start=max(lasting, default=0) + 1):
         new_labels[mask] = number
     leftover = torch.from_numpy(inside & (new_labels == 0)).to(tsdf.device)

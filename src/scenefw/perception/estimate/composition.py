@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from scenefw.perception.steps import Objects, ObjectSet
     from scenefw.shapes.object_shell import ObjectShell
 
-_REACH = 4  # voxels around rough volumes whose distances stay too
-
 
 def composed(hypothesis: ObjectSet, view: View) -> Completion:
     """The scene of a hypothesis, a batch of one on the device of the view.
@@ -95,7 +93,8 @@ def with_superquadrics(
     instances = np.zeros(grid.shape, np.int32)
     if objects.tsdf is not None and objects.instances is not None:
         instances = np.where(np.isin(objects.instances, list(superquadrics)), 0, objects.instances)
-        shell = binary_dilation(instances > 0, iterations=_REACH) & (objects.instances == 0)
+        reach = round(grid.truncation / grid.voxel_size)
+        shell = binary_dilation(instances > 0, iterations=reach) & (objects.instances == 0)
         tsdf = np.where((instances > 0) | shell, objects.tsdf, tsdf)
     if superquadrics:
         labels = np.array(list(superquadrics), np.int32)

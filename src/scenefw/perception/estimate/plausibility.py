@@ -18,7 +18,7 @@ from scenefw.perception.observation.components import DETAIL, TOUCH
 from scenefw.perception.observation.image_turns import turned_pixels
 from scenefw.perception.observation.object_masks import footprint_hull
 from scenefw.perception.observation.pixels import coarse_step
-from scenefw.perception.observation.points import MINORITY
+from scenefw.perception.observation.points import MIN_POINTS, MINORITY
 from scenefw.shapes.moments import moments
 from scenefw.shapes.vessel import Vessel
 
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from scenefw.core.types import Float32, Float64, ObjectEstimate, SceneEstimate
     from scenefw.perception.observation.observation import Observation
 
-_MIN_POINTS = 10  # visible ones that say something about an object
 _MAX_LENGTH_RATIO = 2.0  # to that of what is visible
 _MIN_LONG = 0.08  # m: what is shorter may be hidden for the most part
 
@@ -132,7 +131,7 @@ class _Checks:
         lowest = float(mesh.vertices[:, 2].min())
         flaws = float(-lowest > self.margin)
         visible = self.visible[label]
-        if len(visible) > _MIN_POINTS:
+        if len(visible) > MIN_POINTS:
             length, visible_length = (
                 np.ptp(mesh.vertices, axis=0).max(),
                 np.ptp(visible, axis=0).max(),
@@ -145,7 +144,7 @@ class _Checks:
     def humbler(self, label: int) -> Iterator[TriangleMesh]:
         """Closed meshes of what is visible of an object, the boldest first."""
         points = self.visible[label]
-        if len(points) <= _MIN_POINTS:
+        if len(points) <= MIN_POINTS:
             return
         support = self._support(label, points)
         for height in dict.fromkeys((support, 0.0)):

@@ -11,6 +11,7 @@ from scipy.ndimage import find_objects
 
 from scenefw.metrics.sampling import face_areas
 from scenefw.perception.evidence.object_depth import object_depth
+from scenefw.perception.observation.floor_noise import ROUNDING
 from scenefw.perception.observation.image_turns import turned_pixels
 from scenefw.perception.observation.pixels import coarse_step
 from scenefw.shapes.moments import moments
@@ -47,7 +48,6 @@ CUES: Mapping[str, Trend] = {
 Distances are square roots of multiples of its thickness, volume by surface: a shape that is off by
 a small part of it all over has lost about as large a part of its volume.
 """
-_MIN_VOLUME, _MIN_AREA = 1e-9, 1e-6  # m^3, m^2: of a cube of 1 mm
 _MAX_RATIO = 3.0  # of distances to a thickness: with more, hardly any overlap is left
 
 
@@ -87,8 +87,8 @@ def _cues(
     mask_box: Box | None,
     sigma: float,
 ) -> dict[str, float]:
-    volume = max(moments(item.mesh).volume, _MIN_VOLUME)
-    thickness = volume / max(float(face_areas(item.mesh).sum()), _MIN_AREA)
+    volume, tiny = moments(item.mesh).volume, np.finfo(float).tiny
+    thickness = max(volume / max(float(face_areas(item.mesh).sum()), tiny), ROUNDING)
     outline_depth = object_depth(item.mesh, camera)
     box = _union(outline_depth.box, mask_box)
     front = np.zeros(depth.shape)
@@ -105,7 +105,7 @@ def _cues(
         "occluded": _ratio(hides, hit),
         "noise": _root(np.array([sigma]), thickness, nothing=0.0),
         "thickness": float(np.log(thickness)),
-        "fill": min(volume / max(float(np.prod(item.extents)), _MIN_VOLUME), 1.0),
+        "fill": min(volume / max(float(np.prod(item.extents)), tiny), 1.0),
         "hull": float(item.placed is None),
     }
 

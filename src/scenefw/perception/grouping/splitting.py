@@ -12,7 +12,7 @@ from scipy.ndimage import median_filter
 from scenefw.core.settings import COUNT, POSITIVE
 from scenefw.fitting.placed import signed_distance
 from scenefw.perception.evidence.silhouettes import box_about
-from scenefw.perception.observation.pixels import WIDTH
+from scenefw.perception.observation.pixels import BLUR, WIDTH
 from scenefw.perception.observation.points import MIN_POINTS, STRAYS
 
 if TYPE_CHECKING:
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from scenefw.perception.observation.observation import ViewGeometry
 
 _MIN_OUTLIER_SIGMAS = 2.0  # standard deviations of pixels that the second superquadric starts from
-_FILTER_WIDTH = 7  # pixels over which sides are evened out
-_MAX_DEPTH = 2  # cuts of a cut
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,15 +77,14 @@ class FitSplitting:
         """Parts (H, W), 0 = none, some of them cut; new ones have new numbers."""
         sizes = np.bincount(parts.ravel())
         large = np.flatnonzero(sizes >= 4 * self._min_pixels(parts))
-        queue = [(int(part), 0) for part in large[large > 0]]
+        queue = large[large > 0].tolist()
         while queue:
-            superquadrics = self._fit([part for part, _ in queue], parts, view)
+            superquadrics = self._fit(queue, parts, view)
             next_queue = []
-            for (part, depth), superquadric in zip(queue, superquadrics, strict=True):
+            for part, superquadric in zip(queue, superquadrics, strict=True):
                 new_parts = self._split_part(part, parts, superquadric, view)
                 if new_parts is not None:
-                    if depth + 1 < _MAX_DEPTH:
-                        next_queue += [(part, depth + 1), (int(new_parts.max()), depth + 1)]
+                    next_queue += [part, int(new_parts.max())]
                     parts = new_parts
             queue = next_queue
         return parts
@@ -141,9 +138,9 @@ class FitSplitting:
         ]
         side = np.zeros(part_mask.shape, dtype=np.int32)
         side[part_mask] = np.where(deviations[0] <= deviations[1], 1, 2)
-        box = box_about(part_mask, _FILTER_WIDTH // 2)
+        box = box_about(part_mask, BLUR)
         smooth_side = np.zeros_like(side)
-        smooth_side[box] = median_filter(side[box], _FILTER_WIDTH)
+        smooth_side[box] = median_filter(side[box], 2 * BLUR + 1)
         side = np.where(part_mask & (smooth_side > 0), smooth_side, side)
         new_parts = np.where(part_mask, np.where(side == 2, new_label, part), parts).astype(
             np.int32

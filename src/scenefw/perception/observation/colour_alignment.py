@@ -9,7 +9,7 @@ from scipy.fft import irfft2, next_fast_len, rfft2
 from scipy.ndimage import gaussian_filter
 
 from scenefw.perception.observation.components import EDGE, neighbours
-from scenefw.perception.observation.pixels import coarse_step
+from scenefw.perception.observation.pixels import BLUR, coarse_step
 from scenefw.perception.observation.points import STRAYS
 
 if TYPE_CHECKING:
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from scenefw.core.types import Float32
 
 _REACH = 20  # pixels of thinned images, in each direction
-_MAX_ALIGNED_SHIFT = 3  # likewise, by which edges of both may be apart
 _MIN_EDGE_PIXELS = 60  # pixels at jumps
 
 
@@ -57,7 +56,7 @@ def colour_shift(depth: Float32, colour: NDArray[np.uint8]) -> ColourShift | Non
     spectrum = rfft2(gradient - gradient.mean(), padded) * edge_spectrum.conj()
     shifts = np.r_[-_REACH : _REACH + 1]
     sums = irfft2(spectrum, padded)[np.ix_(shifts, shifts)]
-    aligned_window = slice(_REACH - _MAX_ALIGNED_SHIFT, _REACH + _MAX_ALIGNED_SHIFT + 1)
+    aligned_window = slice(_REACH - BLUR, _REACH + BLUR + 1)
     peak, mean = float(sums.max()), float(sums.mean())
     if not peak > mean:  # of one colour
         return None

@@ -9,7 +9,7 @@ from scipy import ndimage
 
 from scenefw.fitting.placed import OUTLIERS
 from scenefw.perception.observation.floor_noise import FloorNoise
-from scenefw.perception.observation.pixels import WIDTH, scaled
+from scenefw.perception.observation.pixels import BLUR, WIDTH, scaled
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
     Mask = NDArray[np.bool_]
 
-_WINDOW = 5  # pixels to each side of which heights are averaged, at a width of 640
 _MIN_PIXELS = 300  # at a width of 640
 
 
@@ -35,7 +34,7 @@ def flat_things(
         min_height: of objects (m).
         floor_margin: no thing is as low (m): tables are no flatter, and not all in one piece.
     """
-    window = scaled(_WINDOW, heights.shape[1])
+    window = scaled(BLUR, heights.shape[1])
     noise = FloorNoise.of(heights, depth).at(depth)
     raised = ndimage.binary_fill_holes(~(heights < min_height))  # also where no depth is
     raised = ndimage.binary_dilation(raised, iterations=2 * window)

@@ -13,9 +13,11 @@ from scenefw.core.floors import Floor
 from scenefw.core.settings import COUNT, POSITIVE, SHARE
 from scenefw.core.types import Frame
 from scenefw.fitting.placed import OUTLIERS
-from scenefw.perception.observation.floor_noise import MIN_POINTS, robust_sigma
+from scenefw.perception.observation.floor_noise import robust_sigma
 from scenefw.perception.observation.points import (
+    MAJORITY,
     MIN_PARALLEL_COSINE,
+    MIN_POINTS,
     REFINEMENTS,
     SAMPLE,
     camera_points,
@@ -23,11 +25,9 @@ from scenefw.perception.observation.points import (
 
 Array = NDArray[np.float64]
 
-_EXAMINED_PLANES = 40  # random planes with most points, of which is asked what is seen through them
 _UPRIGHT_WEIGHT = 1.5  # images are mostly upright: a wall needs more points than a floor
 TABLE_HEIGHT = 0.3
 """A plane this far above another (m) is a table on a room's floor; so high is what lies on one."""
-_TABLE_SHARE = 0.4  # ... not the top of an object, if it has this share of the other's points
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +88,7 @@ class FloorFinder:
             plane = self._fit(points, normal, height)
             planes.append(plane)
             is_on_plane = self._inliers(remaining, remaining @ plane.normal + plane.height)
-            if is_on_plane.sum() <= _TABLE_SHARE * planes[0].share * len(points):
+            if is_on_plane.sum() <= MAJORITY * planes[0].share * len(points):
                 break
             remaining = remaining[~is_on_plane]
         return planes
@@ -110,7 +110,7 @@ class FloorFinder:
         most = upright * self._inlier_ratios(sample, normals, heights)
         subset = all_points[:: max(1, len(all_points) // len(sample))]
         best, best_score = -1, -np.inf
-        for i in np.argsort(-most)[:_EXAMINED_PLANES]:
+        for i in np.argsort(-most):
             if most[i] <= best_score:  # nor has any plane after it a higher score
                 break
             inliers = sample[self._inliers(sample, sample @ normals[i] + heights[i])]
@@ -162,7 +162,7 @@ def _is_table(plane: Floor, floor: Floor) -> bool:
     return bool(
         plane.height < floor.height - TABLE_HEIGHT
         and plane.normal @ floor.normal > MIN_PARALLEL_COSINE
-        and plane.share > _TABLE_SHARE * floor.share
+        and plane.share > MAJORITY * floor.share  # it isn't the top of an object
     )
 
 

@@ -10,7 +10,7 @@ from scipy.special import ndtri
 
 from scenefw.perception.observation.components import EDGE
 from scenefw.perception.observation.pixels import scaled
-from scenefw.perception.observation.points import MINORITY
+from scenefw.perception.observation.points import MIN_POINTS, MINORITY
 
 if TYPE_CHECKING:
     from scenefw.core.types import Float32, Float64
@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 _MIN_CORRELATION = 0.92  # stereo matching has 0.95 to 0.99, structured light at most 0.9
 MAX_FLOOR_HEIGHT = 0.015
 """m above and below the floor: what is farther away isn't the floor."""
-MIN_POINTS = 100
-"""Fewer points say nothing about a floor."""
 ROUNDING = 1e-5
 """No measurement is as close to the floor (m), over many pixels."""
 

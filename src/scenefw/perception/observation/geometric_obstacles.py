@@ -12,8 +12,8 @@ from skimage.morphology import convex_hull_image
 from scenefw.core.settings import COUNT, POSITIVE
 from scenefw.perception.observation.components import EDGE, across_gaps, depth_parts
 from scenefw.perception.observation.obstacles import ObstacleRegion
-from scenefw.perception.observation.pixels import WIDTH, scaled
-from scenefw.perception.observation.points import MAJORITY, STRAYS
+from scenefw.perception.observation.pixels import BLUR, WIDTH, scaled
+from scenefw.perception.observation.points import MAJORITY, MIN_PARALLEL_COSINE, STRAYS
 from scenefw.perception.observation.raster import GAP, FloorRaster
 from scenefw.perception.observation.walls import Wall, find_walls
 
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     Mask = NDArray[np.bool_]
 
 _RASTER = FloorRaster()
-_GAP = 4  # pixels without depth across which surfaces go on, at a width of 640
-_MAX_SLOPE = 0.85  # of the upward part of normals of a bin's walls: 32 degrees from level
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +73,7 @@ class GeometricObstacles:
         candidates = raised & ~enclosures
         walls = self._wall_mask(points, candidates, floor, eye, in_bin=bool(enclosures.any()))
         candidates &= ~walls
-        closed = across_gaps(depth, candidates, scaled(_GAP, depth.shape[1]))
+        closed = across_gaps(depth, candidates, scaled(BLUR, depth.shape[1]))
         tall = candidates & self._components(points, self._is_tall, *closed)
         kinds = {"enclosure": enclosures, "wall": walls, "tall structure": tall}
         return [ObstacleRegion(kind, pixels) for kind, pixels in kinds.items() if pixels.any()]
@@ -120,7 +118,8 @@ class GeometricObstacles:
         candidates = find_walls(points, raised, self.wall_distance, eye)
         walls = [wall for wall in candidates if wall.length > self.max_size]
         if walls or in_bin:
-            slopes = find_walls(points, raised, self.wall_distance, eye, _MAX_SLOPE)
+            # of a bin's, all that isn't level
+            slopes = find_walls(points, raised, self.wall_distance, eye, MIN_PARALLEL_COSINE)
             walls += [wall for wall in slopes if _is_side(wall, floor_places)]
         mask = np.zeros(raised.shape, dtype=bool)
         for wall in walls:

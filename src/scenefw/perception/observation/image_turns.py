@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from scenefw.core.types import Camera
+from scenefw.perception.observation.points import MINORITY
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -17,13 +18,11 @@ if TYPE_CHECKING:
 
 Pixel = TypeVar("Pixel", bound=np.generic)
 
-_MIN_HORIZONTAL = 0.05  # of the floor's normal across the view: straight down, no side is up
-
 
 def quarter_turns(floor: Floor) -> int:
     """How often an image must be turned left by a quarter, 0 to 3, until its floor is below."""
     right, down = floor.normal[:2]
-    if np.hypot(right, down) < _MIN_HORIZONTAL:
+    if np.hypot(right, down) < MINORITY:  # straight down, no side is up
         return 0
     return round(float(np.arctan2(right, -down)) / (np.pi / 2)) % 4
 

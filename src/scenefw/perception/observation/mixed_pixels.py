@@ -8,7 +8,7 @@ import numpy as np
 from scipy.ndimage import binary_dilation, binary_opening, maximum_filter1d
 
 from scenefw.perception.observation.components import EDGE
-from scenefw.perception.observation.pixels import WIDTH, scaled
+from scenefw.perception.observation.pixels import BLUR, WIDTH, scaled
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
     Mask = NDArray[np.bool_]
 
-_REACH = 3  # pixels, of an image 640 wide
 _MAX_GRAZING_ANGLE = 15.0  # degrees between a ray and a ramp
 _MAX_FLOOR_ANGLE_RATIO = 0.7  # of the angle at which the camera looks onto the floor
 _MIN_RAMP_RATIO = 0.67  # of a part's pixels: sides of objects are steep, too
@@ -45,7 +44,7 @@ def mixed_pixels(points: Float64, eye: Float64) -> Mask:
     distances = np.linalg.norm(rays, axis=-1)
     mixed = np.zeros(distances.shape, dtype=bool)
     rays /= distances[..., None]
-    reach = scaled(_REACH, points.shape[1])
+    reach = scaled(BLUR, points.shape[1])
     floor_angle = np.degrees(np.arcsin(np.clip(-rays[..., 2], 0, 1)))
     limit = np.tan(np.radians(np.minimum(_MAX_GRAZING_ANGLE, _MAX_FLOOR_ANGLE_RATIO * floor_angle)))
     for axis in (0, 1):

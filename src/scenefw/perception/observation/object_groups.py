@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from scenefw.core.types import Float64
 
 _RASTER = FloorRaster()
-_MIN_CELLS = 4  # of a group of objects
 MAX_UNSAID_RATIO = 0.05
 """Ratio of what rises above the floor that may be left out without a word."""
 
@@ -71,7 +70,7 @@ def object_groups(
             if counts[outside].sum() <= MAX_UNSAID_RATIO * counts[mask].sum():
                 labels = np.where(outside, 0, labels)
                 mask &= ~outside
-        if mask.sum() >= _MIN_CELLS and counts[mask].sum() >= MIN_POINTS:
+        if counts[mask].sum() >= MIN_POINTS:
             groups.append(ObjectGroup(int(label), _RASTER.centres(mask), float(sums[mask].sum())))
     return labels, groups
 

@@ -2,6 +2,8 @@
 
 WIDTH = 640
 """Its width (pixels); in other images, lengths are scaled by their width over this one."""
+BLUR = 3
+"""Pixels to each side within which depth and colour may be of something else."""
 _COARSE_WIDTH = 320  # pixels: what many of them say together, a thinned image says as well
 
 

@@ -16,7 +16,7 @@ STRAYS = 0.02
 """Ratio of them that may be anywhere, whatever the sensor: less says nothing."""
 
 MIN_POINTS = 20
-"""Fewer points say nothing about a surface."""
+"""Fewer points say nothing about a surface, or a floor."""
 
 SAMPLE = 2000
 """So many points of a surface, evenly spread, say what all of them say."""

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     Mask = NDArray[np.bool_]
 
 _RASTER = FloorRaster()
-_HOLES = 3  # cells: objects and their shadows cut the seen table
-_LOW = 3.0  # times the least height of objects: where an object may touch its floor
 
 
 def standing_pixels(
@@ -45,14 +43,14 @@ def standing_pixels(
     large = np.bincount(components.ravel()) >= min_pixels
     large[0] = False
     floor = ndimage.binary_closing(
-        _RASTER.count(points[np.abs(height) < min_height]) > 0, iterations=_HOLES
+        _RASTER.count(points[np.abs(height) < min_height]) > 0, iterations=GAP
     )
     pieces, _ = ndimage.label(floor)
-    region = _pieces_at(pieces, ndimage.binary_erosion(floor, iterations=_HOLES))
+    region = _pieces_at(pieces, ndimage.binary_erosion(floor, iterations=GAP))
     if not region.any():
         return np.zeros(raised.shape, dtype=bool)
     footprint = _cells_of_components(components, points, raised)
-    is_low = raised & (height < _LOW * min_height)
+    is_low = raised & (height < EDGE)  # where it may touch its floor
     is_hidden = np.bincount(components.ravel(), is_low.ravel()) == 0  # its low part, by another
     base = _cells_of_components(components, points, is_low | (raised & is_hidden[components]))
     stands = np.zeros(len(large), dtype=bool)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from scenefw.core import rng
-from scenefw.perception.observation.pixels import coarse_step
+from scenefw.perception.observation.pixels import BLUR, coarse_step
 from scenefw.perception.observation.points import (
     DRAWS,
     MAJORITY,
@@ -29,9 +29,6 @@ if TYPE_CHECKING:
     Mask = NDArray[np.bool_]
 
 _MAX_UPWARD = np.sin(np.arccos(MIN_PARALLEL_COSINE))  # of normals of vertical surfaces
-_REACH = 4  # pixels of the thinned image, from a point to those that give its normal
-_MAX_GAP = 0.1  # m between points that give a normal
-_MAX_WALLS = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,9 +86,7 @@ def find_walls(
     places, directions = (a[vertical][::stride, :2] for a in (points, normals))
     directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
     random = rng.generator(0)
-    for _ in range(_MAX_WALLS):
-        if len(places) < MIN_POINTS:
-            return
+    while len(places) >= MIN_POINTS:
         normal, offset = _best_line(places, directions, distance, random)
         for _ in range(REFINEMENTS):
             inliers = _on_line(places, directions, normal, offset, distance)
@@ -115,22 +110,20 @@ def find_walls(
 
 
 def surface_normals(points: Float64) -> Float64:
-    """Unit normals (H, W, 3) by cross products of differences, NaN at edges and jumps.
+    """Unit normals (H, W, 3) by cross products of differences, NaN at edges.
 
     Args:
         points: (H, W, 3) metres, NaN = no depth.
     """
-    k = _REACH
+    k = BLUR
     normals = np.full(points.shape, np.nan)
     if min(points.shape[:2]) <= 2 * k:
         return normals
     across = points[k:-k, 2 * k :] - points[k:-k, : -2 * k]
     down = points[2 * k :, k:-k] - points[: -2 * k, k:-k]
-    is_jump = np.maximum(np.linalg.norm(across, axis=-1), np.linalg.norm(down, axis=-1)) > _MAX_GAP
     cross = np.cross(across, down)
     length = np.linalg.norm(cross, axis=-1)
-    is_jump |= length == 0
-    normals[k:-k, k:-k] = cross / np.where(is_jump, np.nan, length)[..., None]
+    normals[k:-k, k:-k] = cross / np.where(length == 0, np.nan, length)[..., None]
     return normals
 
 
