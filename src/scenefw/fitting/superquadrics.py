@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from scenefw.core.evidence import Evidence
     from scenefw.core.types import Float64
 
-_OUTLIER_FACTORS = (16, 4)  # times `OUTLIERS`, so that a poor start is not all outliers
+_WIDENING = 4  # factor of the limit of outliers, twice, then once: no poor start is all outliers
 _FIRST_DAMPING = 1e-2
 _FIRST_EXPONENT = 4.0
 
@@ -96,7 +96,9 @@ class SuperquadricFit:
             for item in evidence
         ]
         return (
-            self._best_fits(evidence, starts, _OUTLIER_FACTORS, self.stiffness) if evidence else []
+            self._best_fits(evidence, starts, (_WIDENING**2, _WIDENING), self.stiffness)
+            if evidence
+            else []
         )
 
     def refit(

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from scenefw.core.types import Float64
 
-_MIN_PROFILE, _MAX_PROFILE = (0.25, 0.25), (1.15, 2.0)  # base and curve
+_MAX_PROFILE = 4.0  # of base and curve, or of 1 by them: beyond, it is no vessel but a bottle
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,13 +84,14 @@ class VesselFit:
         x, y = (upper.min(axis=0) + upper.max(axis=0)) / 2
         radius = float(np.clip(np.ptp(upper, axis=0).max() / 2, 0.02, 0.15))
         height = max(top - bottom, 0.01)
-        profile, spread = np.mean([_MIN_PROFILE, _MAX_PROFILE], axis=0), OUTLIERS * self.wall_sigma
-        low = [x - 0.1, y - 0.1, 0.012, 0.008, *_MIN_PROFILE, self.wall - spread]
-        high = [x + 0.1, y + 0.1, 0.3, 0.4, *_MAX_PROFILE, self.wall + spread]
+        least, most = 1 / _MAX_PROFILE, _MAX_PROFILE
+        spread = OUTLIERS * self.wall_sigma
+        low = [x - 0.1, y - 0.1, 0.012, 0.008, least, least, self.wall - spread]
+        high = [x + 0.1, y + 0.1, 0.3, 0.4, most, most, self.wall + spread]
         args = points, eye, bottom, top
         best = least_squares(
             lambda numbers: self._residuals(numbers[None], *args)[0],
-            np.clip([x, y, radius, height, *profile, self.wall], low, high),
+            np.clip([x, y, radius, height, 1.0, 1.0, self.wall], low, high),
             lambda numbers: self._jacobian(numbers, *args),
             (low, high),
             x_scale=[0.01, 0.01, 0.01, 0.01, 0.2, 0.2, 0.001],

@@ -24,8 +24,6 @@ if TYPE_CHECKING:
     from scenefw.perception.observation.observation import Observation
     from scenefw.perception.steps import ObjectSet
 
-_FOOTPRINT_RATIO = 0.8  # share of the footprint that is looked below
-
 
 def extend_to_support(
     objects: Sequence[FittedSuperquadric], free: NDArray[np.bool_], grid: GridSpec
@@ -130,7 +128,7 @@ def _lengthen(superquadric: FittedSuperquadric, axis: int, length: float) -> Fit
 
 def _footprint(superquadric: FittedSuperquadric, axis: int) -> Float64:
     """Places (P, 3) of the world at the height of its centre, over most of its width."""
-    places = np.linspace(-_FOOTPRINT_RATIO, _FOOTPRINT_RATIO, EDGE_POINTS)
+    places = np.linspace(MINORITY - 1, 1 - MINORITY, EDGE_POINTS)
     local = np.zeros((EDGE_POINTS**2, 3))
     first, second = (k for k in range(3) if k != axis)
     local[:, first], local[:, second] = (

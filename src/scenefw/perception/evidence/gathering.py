@@ -11,7 +11,9 @@ from scipy.spatial import cKDTree
 
 from scenefw.core.evidence import Evidence
 from scenefw.core.settings import COUNT, NOT_NEGATIVE, POSITIVE, above
+from scenefw.fitting.placed import OUTLIERS
 from scenefw.perception.evidence.silhouettes import passed_places
+from scenefw.perception.observation.components import NOISE
 from scenefw.perception.observation.pixels import WIDTH
 from scenefw.perception.observation.points import MIN_POINTS, MINORITY
 
@@ -26,8 +28,6 @@ if TYPE_CHECKING:
 
     Mask = NDArray[np.bool_]
     Box = tuple[slice, ...]
-
-_FLOOR_DEPTH = 0.006  # m: of points under the floor
 
 
 class EvidenceGathering:
@@ -176,7 +176,7 @@ class EvidenceGathering:
         near = _rows_in_box(places, low, high)
         neighbours = places[near[labels[near] != label]]
         x, y = np.meshgrid(*np.linspace(low[:2], high[:2], 10).T)
-        floor_points = np.stack([x, y, np.full_like(x, -_FLOOR_DEPTH)], axis=-1).reshape(-1, 3)
+        floor_points = np.stack([x, y, np.full_like(x, -OUTLIERS * NOISE)], axis=-1).reshape(-1, 3)
         silhouette_points = np.empty((0, 3))
         if view.eye is not None and self.passing_points:
             silhouette_points = passed_places(

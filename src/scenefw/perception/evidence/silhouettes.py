@@ -9,14 +9,14 @@ from scipy.constants import golden
 from scipy.ndimage import distance_transform_edt
 
 from scenefw.perception.observation.components import TOUCH
-from scenefw.perception.observation.pixels import WIDTH
+from scenefw.perception.observation.pixels import BLUR, WIDTH
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from scenefw.core.types import Float64
 
-_MIN_DISTANCE, _MAX_DISTANCE = 3, 12  # pixels from the object
+_MAX_DISTANCE = 12  # pixels from the object
 _MAX_DEPTH_BEHIND = 0.15  # m behind the object's edge: as far as places lie
 
 
@@ -35,7 +35,7 @@ def passed_places(mask: NDArray[np.bool_], points: Float64, eye: Float64, count:
     if not mask.any() or count < 1:
         return np.empty((0, 3))
     min_distance, max_distance = (
-        pixels * mask.shape[1] / WIDTH for pixels in (_MIN_DISTANCE, _MAX_DISTANCE)
+        pixels * mask.shape[1] / WIDTH for pixels in (BLUR, _MAX_DISTANCE)
     )
     box = box_about(mask, int(np.ceil(max_distance)) + 1)
     distances, (row, column) = distance_transform_edt(~mask[box], return_indices=True)

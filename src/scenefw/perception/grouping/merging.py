@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from scenefw.core.settings import POSITIVE, at_least
 from scenefw.fitting.placed import OUTLIERS, signed_distance
+from scenefw.perception.observation.floor import TABLE_HEIGHT
 from scenefw.perception.observation.points import DRAWS
 from scenefw.perception.segmentation.regions import hiding
 
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
 
     Group = frozenset[int]
 
-_MAX_GAP_SIZES, _MAX_GAP = 2.0, 0.15  # sizes of the larger of two parts; m
 _MAX_FREE_RATIO = 0.2  # share of segments that may be seen through, at borders of voxels
 
 
@@ -123,18 +123,17 @@ def _penetration(fitted: FittedSuperquadric, evidence: Evidence) -> float:
 
 @dataclass(frozen=True, eq=False)
 class _Sample:
-    """Points (N, 3) of a part, further ones, a tree of these, and the box's diagonal (m)."""
+    """Points (N, 3) of a part, further ones, and a tree of these."""
 
     points: Float64
     other_points: Float64
     tree: cKDTree
-    size: float
 
     @classmethod
     def of(cls, points: Float64) -> _Sample:
         rows = np.random.default_rng(0).integers(len(points), size=(2, DRAWS))
         first, second = points[rows]
-        return cls(first, second, cKDTree(second), float(np.linalg.norm(np.ptp(first, axis=0))))
+        return cls(first, second, cKDTree(second))
 
 
 def _may_be_one(
@@ -149,8 +148,7 @@ def _may_be_one(
         if hide[a, b]:
             return False
         first, second = samples[a].points, samples[b].other_points
-        size = max(samples[a].size, samples[b].size)
-        if samples[b].tree.query(first)[0].min() > max(_MAX_GAP_SIZES * size, _MAX_GAP):
+        if samples[b].tree.query(first)[0].min() > TABLE_HEIGHT:
             return False
         share = np.linspace(0.2, 0.8, 4)[:, None, None]
         voxels, inside = view.grid.nearest_voxels(first + share * (second - first))

@@ -19,11 +19,8 @@ NOISE = 0.002
 DETAIL = 0.005
 """m: what is smaller, shapes don't show."""
 
-MAX_STEP = 0.012
-"""m of depth between neighbouring pixels of one surface."""
-
-TOUCH = 0.01
-"""m: surfaces that come as near may touch; hidden parts are not known better."""
+TOUCH = 0.012
+"""m: surfaces that come as near may touch, neighbouring pixels be of one surface."""
 
 Slices = tuple[slice, ...]
 

@@ -10,7 +10,7 @@ from scipy.special import logit
 
 from scenefw.core.settings import COUNT, NOT_NEGATIVE, PROBABILITY, below
 from scenefw.fitting.placed import OUTLIERS
-from scenefw.perception.observation.components import EDGE, MAX_STEP, linked_parts
+from scenefw.perception.observation.components import EDGE, TOUCH, linked_parts
 from scenefw.perception.observation.floor_noise import ROUNDING
 from scenefw.perception.observation.pixel_probabilities import pixel_probabilities
 from scenefw.perception.observation.pixels import WIDTH
@@ -108,7 +108,7 @@ class AffinitySegmentation:
             is_unlikely = (parts > 0) & (_means(objects, parts) < MAJORITY)
             parts = large_parts(np.where(is_unlikely, 0, parts).astype(np.int64), 1)
             above &= ~is_unlikely[thinned_pixels]
-        same_depth = np.abs(frame.depth - depth[thinned_pixels]) < MAX_STEP
+        same_depth = np.abs(frame.depth - depth[thinned_pixels]) < TOUCH
         parts = np.where(above & same_depth, parts[thinned_pixels], 0).astype(np.int32)
         min_height = np.maximum(self.min_height, self.min_height_sigmas * noise if smooth else 0.0)
         return high_parts(grown(parts, above, frame.depth, EDGE), heights, min_height)

@@ -10,7 +10,7 @@ from scipy.ndimage import distance_transform_edt, find_objects
 
 from scenefw.core.settings import COUNT, at_least
 from scenefw.kernels.cameras import floor_depths, stack_cameras
-from scenefw.perception.observation.components import EDGE, MAX_STEP, NOISE, neighbours
+from scenefw.perception.observation.components import EDGE, NOISE, TOUCH, neighbours
 from scenefw.perception.observation.pixels import WIDTH
 from scenefw.perception.segmentation.ramp_width import ramp_width
 
@@ -109,7 +109,7 @@ def continued(depth: Float32, parts: Int32, width: int) -> Float32:
             for h, a, size in zip(core_pixels, pixels, image.shape, strict=True)
         )
         core_depth, mirrored_depth = image[core_pixels], image[mirrored_pixels]
-        same_surface = core[mirrored_pixels] & (np.abs(mirrored_depth - core_depth) < MAX_STEP)
+        same_surface = core[mirrored_pixels] & (np.abs(mirrored_depth - core_depth) < TOUCH)
         restored_depth[box][pixels] = 1 / np.where(
             same_surface,
             2 / core_depth - 1 / np.where(same_surface, mirrored_depth, 1),

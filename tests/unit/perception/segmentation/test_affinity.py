@@ -88,7 +88,7 @@ def test_pixels_beside_a_jump_go_to_what_they_show(monkeypatch):
         return ((parts > 0) & (owners > 0) & (names[parts] != owners)).sum()
 
     assert astray() == 0
-    monkeypatch.setattr(affinity_parts, "MAX_STEP", np.inf)
+    monkeypatch.setattr(affinity_parts, "TOUCH", np.inf)
     assert astray() > 0  # the image has such pixels
 
 
