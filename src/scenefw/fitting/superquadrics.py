@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from scenefw.core.types import Float64
 
 _WIDENING = 4  # factor of the limit of outliers, twice, then once: no poor start is all outliers
-_FIRST_DAMPING = 1e-2
-_FIRST_EXPONENT = 4.0
+_FIRST_DAMPING = 1e-2  # of Levenberg-Marquardt: nearly Gauss-Newton
+_FIRST_EXPONENT = 4.0  # between an ellipsoid's, 2, and those of boxes
 
 
 @dataclass(frozen=True, eq=False)

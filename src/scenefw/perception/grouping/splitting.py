@@ -10,8 +10,9 @@ from scipy.ndimage import label as components
 from scipy.ndimage import median_filter
 
 from scenefw.core.settings import COUNT, POSITIVE
-from scenefw.fitting.placed import signed_distance
+from scenefw.fitting.placed import OUTLIERS, signed_distance
 from scenefw.perception.evidence.silhouettes import box_about
+from scenefw.perception.observation.components import NOISE
 from scenefw.perception.observation.pixels import BLUR, WIDTH
 from scenefw.perception.observation.points import MIN_POINTS, STRAYS
 
@@ -24,8 +25,6 @@ if TYPE_CHECKING:
     from scenefw.core.types import Int32
     from scenefw.perception.grouping.segment_fits import SegmentFits
     from scenefw.perception.observation.observation import ViewGeometry
-
-_MIN_OUTLIER_SIGMAS = 2.0  # standard deviations of pixels that the second superquadric starts from
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +118,7 @@ class FitSplitting:
         part_mask = parts == part
         outliers = np.zeros(part_mask.shape, dtype=bool)
         distances = np.abs(signed_distance(superquadric, view.points[part_mask]))
-        outliers[part_mask] = distances > _MIN_OUTLIER_SIGMAS * self.fits.evidence.visible_sigma
+        outliers[part_mask] = distances > OUTLIERS * NOISE
         regions, _ = components(outliers)
         sizes = np.bincount(regions.ravel())
         sizes[0] = 0

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from scenefw.core.types import Float32
 
 _REACH = 20  # pixels of thinned images, in each direction
-_MIN_EDGE_PIXELS = 60  # pixels at jumps
+_MIN_EDGE_PIXELS = 60  # pixels at jumps: fewer agree by chance somewhere, in real images too
 
 
 class ColourShift(NamedTuple):

@@ -11,10 +11,11 @@ from scenefw.core.types import Float32
 EDGE = 0.03
 """m: where depth jumps as far from one pixel to the next, another object begins.
 
-A cube with shorter sides is a fragment of one."""
+A cube with shorter sides is a fragment of one.
+"""
 
 NOISE = 0.002
-"""m of depth between neighbouring pixels, or of height of a floor, that say nothing."""
+"""m of depth between neighbouring pixels, or of height of a floor, that say nothing: one sigma."""
 
 DETAIL = 0.005
 """m: what is smaller, shapes don't show."""

@@ -24,7 +24,7 @@ GOOD, ODD, UNUSABLE = "good", "odd", "unusable"
 """Verdicts: a prediction is made with an odd image, and none of an unusable one."""
 
 _MAX_FOCAL_RATIO = 4.0  # of focal length to a side, or the reverse: views of 14 to 127 degrees
-_MAX_CENTRE_OFFSET = 0.25  # of the sides
+_MAX_CENTRE_OFFSET = 0.25  # of the sides: that of an image of half or twice the size is as far off
 _MAX_PIXELS = 4_000_000  # beyond, time and memory grow and accuracy hardly does
 _FIX_SEPARATOR = re.compile(r"; |(?<=\?) ")
 
