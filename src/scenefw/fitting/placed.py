@@ -21,6 +21,9 @@ EDGE_POINTS = 6
 MIN_HALF_AXIS = 0.004
 """m: of what a depth camera shows."""
 
+SHELLS = (0.95, 0.7, 0.4)
+"""Sizes of copies of a surface, by its own, that say what lies within; objects may touch."""
+
 OUTLIERS = 3.0
 """Standard deviations beyond which a point says less and less, and isn't noise: three sigma."""
 
@@ -30,16 +33,10 @@ def shape_of(fitted: FittedSuperquadric) -> Superquadric:
     return Superquadric(fitted.half_axes, fitted.exponents)
 
 
-def shell_sizes() -> Float64:
-    """Sizes of copies of a surface, by its own, that say what lies within: of equal volumes."""
-    count = EDGE_POINTS // 2  # as many to the middle of the cube as from there
-    return np.asarray(np.cbrt((np.arange(count) + 0.5) / count))
-
-
 def shells_of(fitted: FittedSuperquadric) -> Float64:
     """Points (P, 3) near its surface and inside of it, in its own frame (m)."""
     surface = shape_of(fitted).mesh(EDGE_POINTS).vertices
-    return np.concatenate([size * surface for size in shell_sizes()])
+    return np.concatenate([share * surface for share in SHELLS])
 
 
 def in_frame_of(fitted: FittedSuperquadric, points: Float64) -> Float64:

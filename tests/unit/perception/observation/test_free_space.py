@@ -7,7 +7,7 @@ import pytest
 from tests.unit.perception.completion.test_support import box
 from tests.unit.perception.evidence.test_gathering import scene_of
 
-from scenefw.fitting.placed import in_frame_of, shape_of, shell_sizes
+from scenefw.fitting.placed import SHELLS, in_frame_of, shape_of
 from scenefw.perception.observation.free_space import free_ratio, places_in
 
 
@@ -22,7 +22,7 @@ def test_places_lie_in_the_object_and_nearly_reach_its_faces():
     places = places_in(one)
     assert (shape_of(one).value(in_frame_of(one, places)) < 1).all()
     reach = np.ptp(places, axis=0) / (0.2, 0.06, 0.07)
-    np.testing.assert_allclose(reach, shell_sizes()[-1], atol=0.02)
+    np.testing.assert_allclose(reach, SHELLS[0], atol=0.02)
     np.testing.assert_allclose(places.mean(axis=0), (0.0, 0.03, 0.085), atol=2e-3)
 
 
