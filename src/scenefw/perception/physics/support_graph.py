@@ -118,7 +118,8 @@ def support_graph(objects: Sequence[ObjectEstimate]) -> SupportGraph:
 
 def _contacts(label: int, solids: Mapping[int, MeshDistances]) -> dict[int, Float64]:
     upper = solids[label]
-    contacts, rests = {}, _rests(upper)
+    contacts: dict[int, Float64] = {}
+    rests = _rests(upper)
     if upper.low[2] <= DETAIL:
         vertices = upper.vertices
         contacts[FLOOR] = vertices[vertices[:, 2] <= upper.low[2] + DETAIL, :2]
