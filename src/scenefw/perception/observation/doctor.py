@@ -17,6 +17,7 @@ from scenefw.perception.observation.colour_alignment import colour_shift
 from scenefw.perception.observation.components import TOUCH
 from scenefw.perception.observation.depth_reading import better_reading
 from scenefw.perception.observation.floor import FloorFinder
+from scenefw.perception.observation.object_groups import MAX_UNSAID_RATIO
 from scenefw.perception.observation.points import MINORITY
 from scenefw.perception.observation.workspace import OUTSIDE_CUBE, Workspace
 
@@ -323,7 +324,7 @@ def _check_other_surfaces(workspace: Workspace) -> list[Check]:
     parts = [
         f"{mask.sum() / total:.0%} {kind} at the {_place(mask)}"
         for kind, mask in masks.items()
-        if kind != OUTSIDE_CUBE and mask.sum() > MINORITY * total
+        if kind != OUTSIDE_CUBE and mask.sum() > MAX_UNSAID_RATIO * total
     ]
     if not parts:
         return []

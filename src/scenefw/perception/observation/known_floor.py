@@ -13,12 +13,13 @@ from scenefw.core.files import utf8_text
 from scenefw.core.floors import Floor
 from scenefw.core.settings import POSITIVE, SHARE
 from scenefw.perception.observation.floor import near_plane, points_within
-from scenefw.perception.observation.points import MINORITY
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from scenefw.core.types import Float64, Frame
+
+_MAX_LENGTH_ERROR = 0.01  # by which the length of a normal may differ from 1: figures typed by hand
 
 
 class KnownFloor:
@@ -98,7 +99,7 @@ def _is_up(normal: Any) -> bool:
         vector = np.asarray(normal, np.float64)
     except (TypeError, ValueError):
         return False
-    return vector.shape == (3,) and bool(abs(np.linalg.norm(vector) - 1) < MINORITY)
+    return vector.shape == (3,) and bool(abs(np.linalg.norm(vector) - 1) <= _MAX_LENGTH_ERROR)
 
 
 def _floor_of_scene(path: Path) -> tuple[Any, float]:

@@ -10,7 +10,7 @@ from scipy import ndimage
 from skimage import measure
 
 from scenefw.core.errors import InputError
-from scenefw.perception.observation.points import MIN_POINTS, MINORITY
+from scenefw.perception.observation.points import MIN_POINTS
 from scenefw.perception.observation.raster import GAP, FloorRaster
 
 if TYPE_CHECKING:
@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from scenefw.core.types import Float64
 
 _RASTER = FloorRaster()
+MAX_UNSAID_RATIO = 0.05
+"""Ratio of what rises above the floor that may be left out without a word."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +67,7 @@ def object_groups(
         mask = labels == label
         if np.ptp(_RASTER.centres(mask), axis=0).max() > side:
             outside = mask & ~_fullest_square(np.where(mask, counts, 0), side)
-            if counts[outside].sum() <= MINORITY * counts[mask].sum():
+            if counts[outside].sum() <= MAX_UNSAID_RATIO * counts[mask].sum():
                 labels = np.where(outside, 0, labels)
                 mask &= ~outside
         if mask.sum() >= GAP**2 and counts[mask].sum() >= MIN_POINTS:  # no gap is an object
