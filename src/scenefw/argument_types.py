@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 _REFERENCE = re.compile(r"\$\{(?:oc\.select:)?(\w[\w.]*)(?:,.*)?\}")
 _SEQUENCE = re.compile(r"(?:Sequence|tuple|list)\[(.*)\]")
 _MAPPING = re.compile(r"Mapping\[str, ([\w.]+)\]")
+_OURS = ("scenefw.", "scenefw_")  # packages of the core and of bundled plugins
 _WORDS = {
     "float": "a number",
     "int": "a whole number",
@@ -197,7 +198,7 @@ def _part(annotation: Any, names: Mapping[str, Any]) -> _Part | None:
     text = match[1] if match else words[0] if len(words) == 1 else ""
     name = text.partition("[")[0].rpartition(".")[2]  # of a generic one without its parameters
     protocol: Any = names.get(name)
-    ours = inspect.isclass(protocol) and protocol.__module__.partition(".")[0] == "scenefw"
+    ours = inspect.isclass(protocol) and protocol.__module__.startswith(_OURS)
     if not (_is_protocol(protocol) or ours):
         return None
     return _Part(protocol, match is not None)
@@ -215,7 +216,7 @@ def _part_for_types(node: Any, name: str) -> _Part | None:
     names = {
         alias.asname or alias.name: _imported(f"{statement.module}.{alias.name}")
         for statement in _imports_for_types(inspect.getmodule(built))
-        if str(statement.module).partition(".")[0] == "scenefw"
+        if str(statement.module).startswith(_OURS)
         for alias in statement.names
         if (alias.asname or alias.name) in words
     }

@@ -9,6 +9,7 @@ import math
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from types import FunctionType
 from typing import TYPE_CHECKING, Any, cast
 
 from scenefw.core.errors import ConfigError
@@ -185,8 +186,8 @@ def _parse_once() -> None:
     from omegaconf import _utils, base
 
     for module in (_utils, base):
-        parse: Any = vars(module).get("parse")
-        if parse is not None and not hasattr(parse, "cache_info"):  # another OmegaConf, or done
+        parse = vars(module).get("parse")
+        if isinstance(parse, FunctionType):  # neither another OmegaConf, nor done before
             vars(module)["parse"] = functools.lru_cache(maxsize=None)(parse)
 
 

@@ -18,6 +18,7 @@ _LEVELS = 24  # of a profile
 _SECTORS, _AROUND = 16, 3  # of what it collides as; a mesh has three times as many
 _STEEPEST = 3.0  # a wall that lies is at most so many times as thick, measured across
 _THINNEST = 1e-4  # m
+_UNITS = 1024.0  # of a metre, a power of two: coordinates stay the same numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,6 +208,7 @@ def _turned(profile: Float64, sections: int) -> TriangleMesh:
     """A surface of revolution from a line that begins and ends on the axis."""
     import trimesh
 
-    mesh = trimesh.creation.revolve(profile, sections=sections)
+    # trimesh leaves out triangles below 1e-8: in metres also those at a thin wall's end
+    mesh = trimesh.creation.revolve(profile * _UNITS, sections=sections)
     faces: NDArray[np.int64] = np.asarray(mesh.faces, np.int64)
-    return TriangleMesh(np.asarray(mesh.vertices, np.float64), faces)
+    return TriangleMesh(np.asarray(mesh.vertices, np.float64) / _UNITS, faces)

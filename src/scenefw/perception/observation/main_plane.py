@@ -12,9 +12,10 @@ import numpy as np
 
 from scenefw.core.floors import Floor
 from scenefw.core.types import Float64, Frame
-from scenefw.perception.observation.components import EDGE
 from scenefw.perception.observation.pixels import coarse_step
 from scenefw.perception.observation.points import MINORITY, world_points
+
+_INLIER_DISTANCE = 0.02  # m: noise of depth cameras at 2 m, and drift of poses
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +34,8 @@ class WorldPlane:
         return cls(frame, normal, float(normal @ pose[:3, 3]) - floor.height)
 
     def inlier_ratio(self, points: Float64) -> float:
-        """Of points (N, 3) of a frame; noise and drift of poses are less than jumps of depth."""
-        return float(np.mean(np.abs(points @ self.normal - self.level) < EDGE))
+        """Of points (N, 3) of a frame."""
+        return float(np.mean(np.abs(points @ self.normal - self.level) < _INLIER_DISTANCE))
 
 
 def main_plane(planes: Sequence[WorldPlane]) -> WorldPlane:
