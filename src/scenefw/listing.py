@@ -80,7 +80,8 @@ def composed(path: Path) -> dict[str, Any]:
             _merge(composition, settings)
             continue
         typed, option = next(iter(entry.items())) if isinstance(entry, dict) else ("", entry)
-        key, at, place = (typed or option).replace("@_here_", "").partition("@")
+        target = (typed or option).removeprefix("optional ").replace("@_here_", "")
+        key, at, place = target.partition("@")
         file = _file(path, key, option if typed else "")
         if file is None or place.startswith("_global_"):  # no part of the option
             continue

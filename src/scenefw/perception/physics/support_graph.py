@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import IntEnum
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
@@ -24,13 +23,8 @@ if TYPE_CHECKING:
     from scenefw.core.types import Float64, ObjectEstimate
 
 
-class Ground(IntEnum):
-    """What carries objects and is none, as an id."""
-
-    FLOOR = 0
-
-
-FLOOR = Ground.FLOOR
+FLOOR = 0
+"""Stands for the floor among ids of objects."""
 
 
 @dataclass(frozen=True, eq=False)
