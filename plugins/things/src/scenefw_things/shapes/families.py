@@ -6,6 +6,7 @@ from scenefw_things.shapes import (
     bullet,
     compound,
     containers,
+    free_forms,
     grown,
     handled,
     obstacles,
@@ -20,7 +21,7 @@ def _families(*modules: ModuleType) -> dict[str, Family]:
     return {item.name: item for item in items if isinstance(item, Family)}
 
 
-FAMILIES = _families(containers, handled, packed, grown, compound, bullet)
+FAMILIES = _families(containers, handled, packed, grown, free_forms, compound, bullet)
 """Things."""
 
 OBSTACLES = _families(obstacles, robots)
