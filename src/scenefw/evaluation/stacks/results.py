@@ -56,7 +56,7 @@ class Summary:
 
 
 @dataclass(frozen=True)
-class ExtentInputs:
+class PixelBin:
     """True objects of which about as much is seen.
 
     Args:
@@ -155,7 +155,7 @@ class ReconstructionResult:
         ]
         return tuple(row for row in bins if row[2].count)
 
-    def by_pixels(self, edges: Sequence[float] = PIXEL_EDGES) -> tuple[ExtentInputs, ...]:
+    def by_pixels(self, edges: Sequence[float] = PIXEL_EDGES) -> tuple[PixelBin, ...]:
         """True objects by the number of pixels that show them; bins without any are left out."""
         views = [view for view in self.views if view.objects]
         if not views:
@@ -173,7 +173,7 @@ class ReconstructionResult:
                     name: float((values[in_bin] > 0.5).mean()) for name, values in ious.items()
                 }
                 means = {name: float(values[in_bin].mean()) for name, values in ious.items()}
-                bins.append(ExtentInputs(low, high, int(in_bin.sum()), recalls, means))
+                bins.append(PixelBin(low, high, int(in_bin.sum()), recalls, means))
         return tuple(bins)
 
     @property
