@@ -25,7 +25,7 @@ from scenefw.perception.observation.points import (
 
 Array = NDArray[np.float64]
 
-_UPRIGHT_WEIGHT = 1.5  # images are mostly upright: a wall needs more points than a floor
+_UPRIGHT_WEIGHT = 1.5  # images are mostly upright: planes that aren't floors then need more points
 TABLE_HEIGHT = 0.3
 """A plane this far above another (m) is a table on a room's floor; so high is what lies on one."""
 
@@ -106,7 +106,7 @@ class FloorFinder:
         heights = -np.einsum("ij,ij->i", normals, corners[:, 0])
         signs = np.where(heights < 0, -1.0, 1.0)  # the camera is above its floor
         normals, heights = normals * signs[:, None], heights * signs
-        upright = _UPRIGHT_WEIGHT - normals[:, 1]
+        upright = _UPRIGHT_WEIGHT + np.maximum(-normals[:, 1], 0.0)
         most = upright * self._inlier_ratios(sample, normals, heights)
         subset = all_points[:: max(1, len(all_points) // len(sample))]
         best, best_score = -1, -np.inf

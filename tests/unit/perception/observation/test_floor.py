@@ -73,6 +73,16 @@ def test_a_large_box_side_is_no_floor():
     assert floor.normal @ up > 0.999
 
 
+@pytest.mark.parametrize("roll", [0, 90, 180, 270])
+def test_a_wall_is_no_floor_however_the_camera_is_rolled(roll):
+    wall = Box((-1.5, -0.32, 0.0), (1.5, -0.3, 0.5))
+    camera = camera_at(eye=(0.0, 0.7, 0.7), roll=np.radians(roll), size=(160, 120))
+    frame = frame_of(camera, [wall], noise=0.001)
+    floor = FloorFinder().find(frame)
+    assert floor.normal @ camera.T_world_camera[:3, :3].T @ (0, 0, 1) > 0.999
+    assert floor.height == pytest.approx(0.7, abs=0.008)
+
+
 def test_no_floor_is_transparent():
     """Tops of two boxes make the largest plane, but the table is seen between them."""
     tops = (
