@@ -23,7 +23,7 @@ from scenefw.data.batches.conditioning import shape_instance_batch
 from scenefw.data.batches.part_views import PartViews
 from scenefw.data.batches.set_flow import SetFlowViews
 from scenefw.data.batches.stacks import StackScenes
-from scenefw.data.tabletop.segmentation import SegmentationData
+from scenefw_tabletops.data.segmentation import SegmentationData
 
 SCENES = 4
 TOLERANCES = {  # metres, or units of a loss; and the share of values that may be farther off

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenefw import registry
-from scenefw.data.tabletop.table_scenes import TabletopScenes
 from scenefw.metrics.semantic import class_ious, count_classes, mean_iou
 from scenefw.renderers.mesh_raycaster import MeshRaycaster
 from scenefw_labelling_studies.components import FEATURES, Row, answers, components, fitted
+from scenefw_tabletops.data.table_scenes import TabletopScenes
 
 Case = tuple[NDArray, NDArray, NDArray]
 

@@ -23,18 +23,18 @@ from benchmarks.harness import Job, Timed
 from benchmarks.training_data import finished
 from scenefw.core.batches import SegmentationBatch
 from scenefw.core.rng import Streams
-from scenefw.data.tabletop.label_views import RenderedViews, ViewSamples
-from scenefw.data.tabletop.light import ColourJitter
-from scenefw.data.tabletop.map_crops import MapCrops, RenderedMaps
-from scenefw.data.tabletop.segmentation import Samples
-from scenefw.data.tabletop.table_scenes import TabletopScenes
 from scenefw.losses.cross_entropy import CrossEntropy
 from scenefw.models.fusenet import FuseNet
 from scenefw.noise.kinect import Kinect
 from scenefw.renderers.mesh_raycaster import MeshRaycaster
 from scenefw.renderers.tables import PreparedTable, Tables, camera_lenses, prepared
-from scenefw.scenes.tabletop import TabletopGenerator
-from scenefw.shapes.tabletop.library import ProceduralModels
+from scenefw_tabletops.data.label_views import RenderedViews, ViewSamples
+from scenefw_tabletops.data.light import ColourJitter
+from scenefw_tabletops.data.map_crops import MapCrops, RenderedMaps
+from scenefw_tabletops.data.segmentation import Samples
+from scenefw_tabletops.data.table_scenes import TabletopScenes
+from scenefw_tabletops.scenes.tabletop import TabletopGenerator
+from scenefw_tabletops.shapes.tabletop.library import ProceduralModels
 
 DEVICE = torch.device("cuda" if torch.cuda.is_available() else "cpu")
 WIDE = (64, 96, 160, 256)

@@ -9,13 +9,13 @@ from benchmarks.harness import Job
 from scenefw.core.height_maps import HeightGrid
 from scenefw.core.tabletop import TabletopGeometry
 from scenefw.core.types import Camera
-from scenefw.data.tabletop.table_scenes import TabletopScenes
 from scenefw.kernels.meshes import Tree
 from scenefw.renderers.mesh_raycaster import MeshRaycaster
-from scenefw.scenes.desk import DeskGenerator
-from scenefw.scenes.tabletop import TabletopGenerator
-from scenefw.shapes.desk.library import DeskModels
-from scenefw.shapes.tabletop.library import ProceduralModels
+from scenefw_tabletops.data.table_scenes import TabletopScenes
+from scenefw_tabletops.scenes.desk import DeskGenerator
+from scenefw_tabletops.scenes.tabletop import TabletopGenerator
+from scenefw_tabletops.shapes.desk.library import DeskModels
+from scenefw_tabletops.shapes.tabletop.library import ProceduralModels
 
 VIEWS = 10
 

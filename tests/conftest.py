@@ -28,15 +28,15 @@ SLOW = ("api", "evaluation", "kernels", "labelling", "learning", "mapping", "per
         "renderers", "scenes", "tasks")  # fmt: skip
 SLOW_PLUGINS = ("annotated_views", "decomposing", "doctor", "editing", "grasping",
                 "labelling_studies", "onnx", "painting", "rerun", "scene_prior", "serving",
-                "several_views", "simulators", "single_view_benchmarks", "things", "tracking",
-                "viewer")  # fmt: skip
+                "several_views", "simulators", "single_view_benchmarks", "tabletops", "things",
+                "tracking", "viewer")  # fmt: skip
 # These compose all settings, start processes, train, render or draw large pictures
 SLOW_FILES = ("test_api_page", "test_argument_types", "test_completion", "test_configs",
               "test_dataset", "test_debug",
               "test_experiments", "test_groups", "test_guide", "test_hypotheses", "test_imports",
-              "test_label_views", "test_labelling_plugins", "test_listing", "test_overview",
+              "test_labelling_plugins", "test_listing", "test_overview",
               "test_parsed", "test_pictures", "test_plugins", "test_protocols",
-              "test_small_install", "test_splits", "test_tabletop", "test_training_plugins",
+              "test_small_install", "test_splits", "test_training_plugins",
               "test_views", "test_waiting")  # fmt: skip
 
 

@@ -11,10 +11,10 @@ from scenefw.core.height_maps import HeightGrid
 from scenefw.core.tabletop import NOISE
 from scenefw.core.types import Camera
 from scenefw.renderers.mesh_raycaster import MeshRaycaster
-from scenefw.scenes.tabletop import TabletopGenerator
-from scenefw.shapes.tabletop.library import ProceduralModels
 from scenefw_annotated_views.baking import refined
 from scenefw_annotated_views.physically_based import PhysicallyBased
+from scenefw_tabletops.scenes.tabletop import TabletopGenerator
+from scenefw_tabletops.shapes.tabletop.library import ProceduralModels
 
 GENERATOR = TabletopGenerator(ProceduralModels())
 SCENE = dataclasses.replace(

@@ -4,17 +4,17 @@ import pytest
 from scenefw.core.errors import ConfigError
 from scenefw.core.types import Pose, SceneObject
 from scenefw.data.batches.stacks import StackScenes
-from scenefw.data.tabletop.table_scenes import TabletopScenes
 from scenefw.noise.gaussian import Gaussian
 from scenefw.noise.pose import Jitter
 from scenefw.renderers.mesh_raycaster import MeshRaycaster
 from scenefw.scenes.cameras import RandomViewpoints
-from scenefw.scenes.tabletop import TabletopGenerator
 from scenefw.shapes.solid_mesh import SolidMesh
 from scenefw.shapes.superquadric import Superquadric
-from scenefw.shapes.tabletop.library import ProceduralModels
 from scenefw_annotated_views.annotations import AnnotatedView
 from scenefw_annotated_views.scenes import StackViews, TabletopViews
+from scenefw_tabletops.data.table_scenes import TabletopScenes
+from scenefw_tabletops.scenes.tabletop import TabletopGenerator
+from scenefw_tabletops.shapes.tabletop.library import ProceduralModels
 
 
 def stacks(**words):

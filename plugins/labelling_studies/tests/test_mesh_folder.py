@@ -7,8 +7,8 @@ import pytest
 
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.tabletop import DESK
-from scenefw.scenes.desk import DeskGenerator
 from scenefw_labelling_studies.tables_of_meshes.mesh_folder import MeshFolder
+from scenefw_tabletops.scenes.desk import DeskGenerator
 
 PATTERNS = {"pen": "marker", "remote_control": "remote"}
 SIZES = {"a_remote": (0.05, 0.16, 0.02), "marker": (0.012, 0.014, 0.13), "soap": (0.09, 0.03, 0.06)}

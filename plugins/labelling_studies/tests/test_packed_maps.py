@@ -9,8 +9,8 @@ from tests.unit.data import damaged
 from tests.unit.data.rectangles import Rectangles
 
 from scenefw.core.errors import ConfigError, StorageError
-from scenefw.data.tabletop.map_crops import MapCrops, StoredMaps
 from scenefw_labelling_studies.packed_maps import STEP, PackedMaps, packed, save_maps, unpacked
+from scenefw_tabletops.data.map_crops import MapCrops, StoredMaps
 
 CPU = torch.device("cpu")
 

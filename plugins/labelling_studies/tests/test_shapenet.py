@@ -7,8 +7,8 @@ from PIL import Image
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.height_maps import HeightGrid
 from scenefw.renderers.mesh_raycaster import MeshRaycaster
-from scenefw.scenes.tabletop import TabletopGenerator
 from scenefw_labelling_studies.tables_of_meshes.shapenet import ShapeNetModels, read_model
+from scenefw_tabletops.scenes.tabletop import TabletopGenerator
 
 SYNSETS = {"remote_control": "04074963", "keyboard": "03085013"}
 LENGTHS = {"remote_control": (0.12, 0.22), "keyboard": (0.25, 0.45)}

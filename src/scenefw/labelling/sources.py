@@ -19,8 +19,7 @@ from scenefw.core.settings import SHARE
 from scenefw.core.training_protocols import SegmentationModel, Trained
 from scenefw.core.types import Frame
 from scenefw.data.files.pictures import DAMAGED_PICTURE
-from scenefw.data.tabletop.distances import DEPTH, distance_image
-from scenefw.data.tabletop.segmentation import image_tensor
+from scenefw.labelling.network_inputs import DEPTH, distance_image, image_tensor
 from scenefw.labelling.sliding_window import SlidingWindow
 
 Probabilities = NDArray[np.float32]

@@ -1,4 +1,4 @@
-"""What is tested on was not trained on: scenes and models of the parts of the data."""
+"""What is tested on was not trained on: scenes and objects of the parts of the data."""
 
 import hashlib
 from itertools import combinations
@@ -9,11 +9,8 @@ from tests.unit.data.stacks_file import write_stacks
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.final_split import opened
-from scenefw.core.tabletop import SPLITS
 from scenefw.data.batches import stacks
 from scenefw.data.batches.stacks import FINAL_PARTS, SHIPPED, StackScenes
-from scenefw.scenes.tabletop import TabletopGenerator
-from scenefw.shapes.tabletop.library import FAMILIES, ProceduralModels
 
 
 def rows(*arrays):
@@ -95,32 +92,3 @@ def test_a_final_part_among_others_is_not_in_all(tmp_path):
     with opened() as looks:
         assert len(StackScenes(tmp_path / "a.npz", "final")) == 2
     assert looks == {"a": hashlib.sha256((tmp_path / "a.npz").read_bytes()).hexdigest()}
-
-
-def test_models_on_tables_are_those_of_the_part():
-    models = ProceduralModels()
-    generator = TabletopGenerator(models)
-    for split in SPLITS:
-        for number in generator.numbers(split)[:5]:
-            items = generator.generate(number, 0).items
-            assert items
-            assert all(item.instance in models.instances(item.label, split) for item in items)
-
-
-def look(family, model):
-    """The shape; of bricks, which come in a dozen standard sizes, colour and texture too."""
-    parts = [model.vertices.round(6)]
-    if family == "brick":
-        parts += [model.colours, model.textures]
-    return b"".join(part.tobytes() for part in parts)
-
-
-@pytest.mark.parametrize("family", sorted(FAMILIES))
-def test_parts_share_no_model_of_tables(family):
-    """Neither its number nor its shape."""
-    models = ProceduralModels(("surface", family))
-    numbers = [models.instances(1, split) for split in SPLITS]
-    shapes = [{look(family, models.model(1, i)) for i in part} for part in numbers]
-    for first, second in (*combinations(map(set, numbers), 2), *combinations(shapes, 2)):
-        assert first
-        assert not first & second

@@ -7,10 +7,6 @@ import torch
 from tests.unit.data.rectangles import Rectangles
 from tests.unit.learning.tiny import Killer
 
-from scenefw.data.tabletop.label_views import RenderedViews, StoredViews, ViewSamples
-from scenefw.data.tabletop.light import ColourJitter
-from scenefw.data.tabletop.segmentation import SegmentationData
-from scenefw.data.tabletop.table_scenes import TabletopScenes
 from scenefw.learning.runtime.trainer import TrainerSettings
 from scenefw.learning.schedules import CosineDecay
 from scenefw.learning.segmentation import SegmentationLearning
@@ -18,9 +14,13 @@ from scenefw.losses.cross_entropy import CrossEntropy
 from scenefw.models.fusenet import FuseNet
 from scenefw.noise.gaussian import Gaussian
 from scenefw.renderers.mesh_raycaster import MeshRaycaster
-from scenefw.scenes.tabletop import TabletopGenerator
-from scenefw.shapes.tabletop.library import ProceduralModels
 from scenefw.tasks.train import Train
+from scenefw_tabletops.data.label_views import RenderedViews, StoredViews, ViewSamples
+from scenefw_tabletops.data.light import ColourJitter
+from scenefw_tabletops.data.segmentation import SegmentationData
+from scenefw_tabletops.data.table_scenes import TabletopScenes
+from scenefw_tabletops.scenes.tabletop import TabletopGenerator
+from scenefw_tabletops.shapes.tabletop.library import ProceduralModels
 
 
 def learning(classes=3, widths=(6, 8), **options):

@@ -12,12 +12,12 @@ from scenefw.core.geometry import look_at
 from scenefw.core.height_maps import HeightGrid
 from scenefw.core.tabletop import PLAIN, STRIPES, Light, TabletopItem
 from scenefw.core.types import Camera
-from scenefw.data.tabletop.table_scenes import TabletopScenes
 from scenefw.renderers.mesh_raycaster import MeshRaycaster
-from scenefw.scenes.tabletop import TabletopGenerator, assemble
-from scenefw.shapes.tabletop import parts
-from scenefw.shapes.tabletop.library import ProceduralModels
 from scenefw_annotated_views.baking import colour_of_points
+from scenefw_tabletops.data.table_scenes import TabletopScenes
+from scenefw_tabletops.scenes.tabletop import TabletopGenerator, assemble
+from scenefw_tabletops.shapes.tabletop import parts
+from scenefw_tabletops.shapes.tabletop.library import ProceduralModels
 
 GENERATOR = TabletopGenerator(ProceduralModels())
 SCENE = GENERATOR.generate(0, 0)

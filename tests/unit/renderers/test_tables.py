@@ -10,8 +10,8 @@ from scenefw.core.height_maps import HeightGrid
 from scenefw.core.types import Camera
 from scenefw.renderers.mesh_raycaster import MeshRaycaster, image
 from scenefw.renderers.tables import Tables, camera_lenses, map_lens, prepared
-from scenefw.scenes.tabletop import TabletopGenerator
-from scenefw.shapes.tabletop.library import ProceduralModels
+from scenefw_tabletops.scenes.tabletop import TabletopGenerator
+from scenefw_tabletops.shapes.tabletop.library import ProceduralModels
 
 EYES = ((0.1, -0.2, 0.4), (-0.15, 0.1, 0.35), (0.05, 0.05, 0.3))
 

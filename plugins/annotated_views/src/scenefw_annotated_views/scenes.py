@@ -18,14 +18,14 @@ from scenefw.core.protocols import Noise
 from scenefw.core.types import Camera, Float32, Frame, Pose, SceneObject, Shape, TriangleMesh
 from scenefw.data.batches.stacks import SceneSet
 from scenefw.data.batches.views import Viewpoints
-from scenefw.data.tabletop.table_scenes import TabletopScenes
 from scenefw.kernels.cameras import stack_cameras
 from scenefw.noise.frames import depth_noises
-from scenefw.scenes.tabletop import rotation_of
 from scenefw.shapes.solid_mesh import SolidMesh
 from scenefw.shapes.superquadric import Superquadric
 from scenefw_annotated_views.annotations import AnnotatedObject, AnnotatedView
 from scenefw_annotated_views.silhouettes import SolidViews
+from scenefw_tabletops.data.table_scenes import TabletopScenes
+from scenefw_tabletops.scenes.tabletop import rotation_of
 
 _VIEWS = 7  # random stream
 _HALF_TURNS = np.array([np.diag(axes) for axes in ((1.0, -1, -1), (-1.0, 1, -1), (-1.0, -1, 1))])

@@ -23,7 +23,7 @@ from scenefw.core.errors import ConfigError, StorageError
 from scenefw.core.files import DAMAGED, replacing, unreadable
 from scenefw.core.labels import UNKNOWN
 from scenefw.data.files.pictures import DAMAGED_PICTURE
-from scenefw.data.tabletop.map_crops import LabelledMaps, stacked
+from scenefw_tabletops.data.map_crops import LabelledMaps, stacked
 
 STEP = 1e-4
 """Heights are multiples of this (m)."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from scenefw.core.errors import CheckpointError, ConfigError, InputError, MissingDependencyError
 from scenefw.core.types import Frame
-from scenefw.data.tabletop.distances import DEPTH, distance_image
+from scenefw.labelling.network_inputs import DEPTH, distance_image
 
 _PREFIX = "scenefw."
 

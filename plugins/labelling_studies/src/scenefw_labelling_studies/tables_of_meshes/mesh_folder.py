@@ -15,8 +15,8 @@ from scenefw.core import rng as streams
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.files import utf8_text
 from scenefw.core.tabletop import DESK, SPLITS, TexturedMesh
-from scenefw.shapes.tabletop import colours
-from scenefw.shapes.tabletop.parts import Look, face_normals
+from scenefw_tabletops.shapes.tabletop import colours
+from scenefw_tabletops.shapes.tabletop.parts import Look, face_normals
 
 OTHER = "other"
 

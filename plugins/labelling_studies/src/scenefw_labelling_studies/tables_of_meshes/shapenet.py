@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from scenefw.core import rng as streams
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.tabletop import SPLITS, TexturedMesh
-from scenefw.shapes.tabletop.library import split_instances
-from scenefw.shapes.tabletop.parts import Look, face_normals
+from scenefw_tabletops.shapes.tabletop.library import split_instances
+from scenefw_tabletops.shapes.tabletop.parts import Look, face_normals
 
 _FILE = Path("models") / "model_normalized.obj"
 

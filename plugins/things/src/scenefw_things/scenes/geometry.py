@@ -7,7 +7,7 @@ import numpy as np
 from scenefw.core import rng as streams
 from scenefw.core.tabletop import PLACEMENT, TabletopGeometry
 from scenefw.core.types import Camera
-from scenefw.scenes import desk_light
+from scenefw_tabletops.scenes import desk_light
 from scenefw_things.scenes.painted import paint_count, textured
 from scenefw_things.scenes.scene import ThingScene
 from scenefw_things.shapes.surface import looks

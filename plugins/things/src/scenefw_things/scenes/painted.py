@@ -8,7 +8,7 @@ import numpy as np
 
 from scenefw.core.tabletop import TEXTURE, TexturedMesh
 from scenefw.kernels.corner_normals import corner_normals
-from scenefw.shapes.tabletop.parts import Look
+from scenefw_tabletops.shapes.tabletop.parts import Look
 from scenefw_things.shapes.solids import Part
 from scenefw_things.shapes.surface import surface
 

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from scenefw.core.tabletop import DOTS, NOISE, PLAIN, PRINT, SPECKLE, STRIPES, WOOD
 from scenefw.core.types import Float64
-from scenefw.shapes.desk import paint
 from scenefw.shapes.hulls import hull_mesh
-from scenefw.shapes.tabletop import colours
-from scenefw.shapes.tabletop.parts import Look
+from scenefw_tabletops.shapes.desk import paint
+from scenefw_tabletops.shapes.tabletop import colours
+from scenefw_tabletops.shapes.tabletop.parts import Look
 from scenefw_things.shapes.solids import Part
 
 _KINDS = (PLAIN, NOISE, SPECKLE, STRIPES, WOOD, DOTS, PRINT)

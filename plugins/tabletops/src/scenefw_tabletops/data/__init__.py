@@ -1,0 +1,1 @@
+"""Views and maps of table-tops, and batches of them."""

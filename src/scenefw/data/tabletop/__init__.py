@@ -1,1 +1,0 @@
-"""Table-top scenes, their views and maps."""
