@@ -88,23 +88,6 @@ class FrameSource(Protocol):
         """Orthographic heights, colour and labels of the scene."""
 
 
-class MapArrays(Protocol):
-    """Whole labelled maps of scenes, as arrays (`maps` of group `dataset`, `tabletop_*maps`)."""
-
-    @property
-    def classes(self) -> Sequence[str]:
-        """Names by class id."""
-
-    def __len__(self) -> int:
-        """Number of maps."""
-
-    def arrays(self, scene: int) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-        """Colour (V, V, 3) uint8, heights (V, V) float32 and labels (V, V) int8 of a map."""
-
-    def facts(self) -> dict[str, Any]:
-        """How they were made, as plain data."""
-
-
 class Odometry(Protocol):
     """Estimates the camera poses of a sequence (group `odometry`)."""
 

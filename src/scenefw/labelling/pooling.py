@@ -14,8 +14,7 @@ vertex can give.
 There is one such pool for whether a vertex belongs to the surface or to an object, and one for
 which object it belongs to (nested logit, McFadden 1978), since the experts make their mistakes in
 different places: fused views bleed over outlines. With the same weights for both, what is gained
-inside objects is lost along their outlines. A bias of the surface makes up for the bleeding. The
-regularised log-likelihood is strictly concave in the weights, so they are unique.
+inside objects is lost along their outlines. A bias of the surface makes up for the bleeding.
 """
 
 from __future__ import annotations
@@ -24,19 +23,16 @@ from dataclasses import astuple, dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import minimize
 
-from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.errors import ConfigError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from scenefw.core.types import Float32, Int32
+    from scenefw.core.types import Float32
 
-_LARGEST = 20.0  # bound of weights and biases in calibration
-_PRIOR = 1e-4  # pulls weights that no vertex constrains towards 0
 DOUBT = 0.005
 _TOLERANCE = 1e-6  # float32 probabilities this close to uninformative count as that
 
@@ -104,7 +100,7 @@ class Pool:
             well: (...) in [0, 1], see `Reconstruction`.
         """
         (views_gate, views_objects), (map_gate, map_objects) = nested(views), nested(of_map)
-        unknown, any_object = _uninformative(len(views))
+        unknown, any_object = uninformative_distributions(len(views))
         gate = pool(views_gate, map_gate, well, self.surface, self.doubt, unknown)
         objects = pool(views_objects, map_objects, well, self.objects, self.doubt, any_object)
         objects *= gate[1]
@@ -146,8 +142,8 @@ def pool(
     """
     scores = np.zeros_like(views) + _upright(np.log(uninformative), views)
     poor_and_well = np.array(astuple(weights), np.float32).reshape(3, 2)
-    amounts = np.tensordot(poor_and_well, _ends(well), axes=1)
-    features = _features(views, of_map, doubt, uninformative)
+    amounts = np.tensordot(poor_and_well, ends(well), axes=1)
+    features = features_of(views, of_map, doubt, uninformative)
     for amount, feature in zip(amounts, features, strict=True):
         feature *= amount
         scores += feature
@@ -157,88 +153,13 @@ def pool(
     return scores
 
 
-def fit_pool(
-    views: Float32,
-    of_map: Float32,
-    well: Float32,
-    truth: Int32,
-    drawn_for: Int32 | None = None,
-    doubt: float = DOUBT,
-) -> Pool:
-    """Weights of least negative log-likelihood of the true classes, each class counting the same.
-
-    Classes count the same because the mean IoU that strategies are compared by gives a small class
-    as much influence as the surface. The likelihood is a product of that of surface or object, over
-    all vertices, and of that of the class, over those of objects, so that each is fitted alone.
-
-    Args:
-        views: (C, N) of vertices of scenes that no test uses.
-        of_map: (C, N).
-        well: (N,).
-        truth: (N,) class ids.
-        drawn_for: (N,) the class that a vertex was drawn for and counts towards; None: its own.
-        doubt: of the pool.
-
-    Raises:
-        InputError: there is no vertex.
-    """
-    if not len(truth):
-        raise InputError("no vertex to calibrate on; give scenes with true labels that are seen")
-    counted = truth if drawn_for is None else drawn_for
-    counts = np.bincount(counted, minlength=len(views))
-    share = 1 / counts[counted] / np.count_nonzero(counts)
-    (views_gate, views_objects), (map_gate, map_objects) = nested(views), nested(of_map)
-    of_object = truth > 0
-    unknown, any_object = _uninformative(len(views))
-    gate = _features(views_gate, map_gate, doubt, unknown)
-    objects = _features(views_objects[:, of_object], map_objects[:, of_object], doubt, any_object)
-    object_classes = truth[of_object].astype(np.intp) - 1
-    return Pool(
-        _fit(gate, well, unknown, of_object.astype(np.intp), share),
-        _fit(objects, well[of_object], any_object, object_classes, share[of_object], biased=False),
-        doubt,
-    )
-
-
 def disagreement(views: Float32, of_map: Float32, pooled: Float32) -> Sequence[NDArray[np.bool_]]:
     """Where the pooled class (...) is that of the views, and where it is that of the map."""
     winner = pooled.argmax(axis=0)
     return views.argmax(axis=0) == winner, of_map.argmax(axis=0) == winner
 
 
-def _fit(
-    features: Float32,
-    well: Float32,
-    uninformative: Float32,
-    truth: NDArray[np.intp],
-    share: NDArray[np.float64],
-    *,
-    biased: bool = True,
-) -> Weights:
-    """Weights of one pool of least negative log-likelihood, vertices counting their shares."""
-    terms = (features[:, None] * _ends(well)[:, None]).reshape(6, *features.shape[1:])
-    of_truth = np.take_along_axis(terms, truth[None, None], axis=1)[:, 0]
-    offset = np.log(uninformative)[:, None]
-
-    def loss(values: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
-        scores = np.tensordot(values.astype(np.float32), terms, axes=1) + offset
-        right = np.take_along_axis(scores, truth[None], axis=0)[0]
-        largest = scores.max(axis=0)
-        likelihood = np.exp(scores - largest)
-        total = likelihood.sum(axis=0)
-        likelihood /= total
-        fit = share @ (largest + np.log(total) - right)
-        mean = np.einsum("kcn,cn->kn", terms, likelihood)
-        slope = (mean - of_truth) @ share + 2 * _PRIOR * values
-        return float(fit + _PRIOR * values @ values), slope
-
-    bias = _LARGEST if biased else 0.0
-    bounds = [(0.0, _LARGEST)] * 4 + [(-bias, bias)] * 2
-    solution = minimize(loss, np.zeros(6), jac=True, method="L-BFGS-B", bounds=bounds)
-    return Weights(*(float(value) for value in solution.x))
-
-
-def _features(views: Float32, of_map: Float32, doubt: float, uninformative: Float32) -> Float32:
+def features_of(views: Float32, of_map: Float32, doubt: float, uninformative: Float32) -> Float32:
     """What the weights multiply (3, C, ...): the evidence of views and of the map, and the bias.
 
     The bias counts only where one of the two is informative, so that vertices without evidence
@@ -250,7 +171,7 @@ def _features(views: Float32, of_map: Float32, doubt: float, uninformative: Floa
     return np.stack([*evidence, bias])
 
 
-def _ends(well: Float32) -> Float32:
+def ends(well: Float32) -> Float32:
     """Shares (2, ...) of the weights where a map is poorly and where it is well reconstructed."""
     return np.stack([1 - well, well]).astype(np.float32)
 
@@ -268,7 +189,7 @@ def _evidence(probabilities: Float32, doubt: float, uninformative: Float32) -> F
     return np.log(mixed, out=mixed)
 
 
-def _uninformative(classes: int) -> tuple[Float32, Float32]:
+def uninformative_distributions(classes: int) -> tuple[Float32, Float32]:
     """Uninformative distributions of surface or object (2,), and of which object (C - 1,)."""
     kinds = max(classes - 1, 1)
     gate = np.array([1, kinds], np.float32) / np.float32(kinds + 1)

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from scenefw.core.height_maps import HeightGrid
 from scenefw.core.settings import POSITIVE
-from scenefw.core.types import Camera, Frame
+from scenefw.core.types import Frame
 from scenefw.kernels import triangles
 from scenefw.kernels.cameras import finite, stack_cameras
 from scenefw.kernels.compile import float32
@@ -119,12 +119,3 @@ class Pyramid:
         )
         arguments = (bands, order, starts, work, self.layout, cells, spots)
         return Landed(count, arguments, touched, boxes)
-
-
-def corner_rays(camera: Camera) -> np.ndarray:
-    """World directions (4, 3) through the outer corners of the image, 1 along the optical axis."""
-    u = np.array([-0.5, camera.width - 0.5, -0.5, camera.width - 0.5])
-    v = np.array([-0.5, -0.5, camera.height - 0.5, camera.height - 0.5])
-    rays = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(4)], axis=1)
-    turned: np.ndarray = rays @ camera.T_world_camera[:3, :3].T
-    return turned

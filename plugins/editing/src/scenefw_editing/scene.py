@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 from scenefw.api.output import render, save
 from scenefw.api.settings import Settings
 from scenefw.core.errors import ConfigError, InputError
-from scenefw.perception.physics.contacts import contact_words
 from scenefw.perception.physics.support_graph import SupportGraph, support_graph
 from scenefw_editing import scene_editing
+from scenefw_editing.contact_words import contact_words
 from scenefw_editing.stored_scenes import read_scene
 
 if TYPE_CHECKING:

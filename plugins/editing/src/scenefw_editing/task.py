@@ -13,7 +13,6 @@ from scenefw.core.files import require_writable
 from scenefw.core.folders import replacing_folder, require_replaceable
 from scenefw.core.protocols import SceneFormat, Settling
 from scenefw.core.types import SceneEstimate
-from scenefw.perception.physics.contacts import contact_words
 from scenefw.perception.physics.settling import words as settled_words
 from scenefw.report.blocks import Section
 from scenefw.report.console import print_tables
@@ -22,6 +21,7 @@ from scenefw.report.palette import colours_of
 from scenefw.report.pictures import save_picture
 from scenefw.report.scenes3d import Scene3D, layer, packed
 from scenefw.tasks.scene_files import write_scene
+from scenefw_editing.contact_words import contact_words
 from scenefw_editing.edit_words import USAGES, edited
 from scenefw_editing.pictures import draw_edited, object_table
 from scenefw_editing.scene_editing import with_objects

@@ -19,7 +19,6 @@ from scenefw.mapping.label_state import (
     require_settings,
     start_logits,
 )
-from scenefw.mapping.pyramid import corner_rays
 
 
 class ImageSpaceFusion:
@@ -149,7 +148,7 @@ class RunningImageSpaceFusion:
     def _part(self, camera: Camera, heights: HeightMap) -> tuple[int, int, int, int] | None:
         """Rows and columns that the view may meet between the lowest and the highest vertex."""
         n, low, high = self._grid.vertices, *_range(heights)
-        eye, rays = camera.T_world_camera[:3, 3], corner_rays(camera)
+        eye, rays = camera.T_world_camera[:3, 3], _corner_rays(camera)
         if not low <= high:
             return None
         if (rays[:, 2] > -1e-3).any() or eye[2] <= high:  # the horizon is in view
@@ -169,3 +168,12 @@ def _range(heights: HeightMap) -> tuple[float, float]:
     values = heights.heights
     low = np.fmin.reduce(values, axis=None, initial=np.inf)
     return float(low), float(np.fmax.reduce(values, axis=None, initial=-np.inf))
+
+
+def _corner_rays(camera: Camera) -> NDArray[np.float64]:
+    """World directions (4, 3) through the outer corners of the image, 1 along the optical axis."""
+    u = np.array([-0.5, camera.width - 0.5, -0.5, camera.width - 0.5])
+    v = np.array([-0.5, -0.5, camera.height - 0.5, camera.height - 0.5])
+    rays = np.stack([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, np.ones(4)], axis=1)
+    turned: NDArray[np.float64] = rays @ camera.T_world_camera[:3, :3].T
+    return turned

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Protocol
 
 from rich.progress import track
 
@@ -12,8 +12,26 @@ from scenefw.core.errors import ConfigError
 from scenefw_labelling_studies.packed_maps import packed, save_maps
 
 if TYPE_CHECKING:
-    from scenefw.core.labelling_protocols import MapArrays
+    from numpy.typing import NDArray
+
     from scenefw.core.protocols import Workers
+
+
+class MapArrays(Protocol):
+    """Whole labelled maps of scenes, as arrays (`maps` of group `dataset`, `tabletop_*maps`)."""
+
+    @property
+    def classes(self) -> Sequence[str]:
+        """Names by class id."""
+
+    def __len__(self) -> int:
+        """Number of maps."""
+
+    def arrays(self, scene: int) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+        """Colour (V, V, 3) uint8, heights (V, V) float32 and labels (V, V) int8 of a map."""
+
+    def facts(self) -> dict[str, Any]:
+        """How they were made, as plain data."""
 
 
 class PackMaps:

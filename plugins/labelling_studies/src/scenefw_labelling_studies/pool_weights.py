@@ -11,10 +11,11 @@ import numpy as np
 from scenefw.core import rng
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.labels import known_mask
-from scenefw.labelling.pooling import DOUBT, Pool, check_doubt, fit_pool
+from scenefw.labelling.pooling import DOUBT, Pool, check_doubt
 from scenefw.noise.frames import in_turns
 from scenefw_labelling_studies.curves import frame_counts
 from scenefw_labelling_studies.measures import of_weights
+from scenefw_labelling_studies.pool_fitting import fit_pool
 from scenefw_labelling_studies.results import MAP_BASED, VIEW_BASED
 
 if TYPE_CHECKING:

@@ -81,24 +81,6 @@ def hovers(objects: Sequence[ObjectEstimate], tolerance: float = DETAIL) -> list
     return [hover for hover in candidates if hover.gap > tolerance]
 
 
-def contact_words(objects: Sequence[ObjectEstimate], tolerance: float = DETAIL) -> list[str]:
-    """A line for each overlap and each object that nothing carries; none if all is well."""
-    lines = []
-    for overlap in overlaps(objects, tolerance):
-        depth = f"{1000 * overlap.depth:.0f} mm"
-        if overlap.second == 0:
-            lines.append(f"object {overlap.first} reaches {depth} below the floor")
-        else:
-            lines.append(
-                f"objects {overlap.first} and {overlap.second} run into each other by {depth} "
-                f"({1e6 * overlap.volume:.0f} cm³)"
-            )
-    for hover in hovers(objects, tolerance):
-        below = f"object {hover.below}" if hover.below else "the floor"
-        lines.append(f"object {hover.id} hovers {1000 * hover.gap:.0f} mm above {below}")
-    return lines
-
-
 def _overlap(a: int, first: MeshDistances, b: int, second: MeshDistances) -> Overlap:
     low, high = np.maximum(first.low, second.low), np.minimum(first.high, second.high)
     if (low >= high).any():

@@ -61,14 +61,14 @@ def prism(outline: Float64, low: float, high: float, narrowing: float = 1.0) -> 
     return np.concatenate([bottom, top])
 
 
-def box(size: Sequence[float], centre: Sequence[float] = (0.0, 0.0, 0.0)) -> Float64:
+def box(size: Point, centre: Point = (0.0, 0.0, 0.0)) -> Float64:
     """A box along the axes."""
     signs = np.stack(np.meshgrid(*[[-0.5, 0.5]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     return np.asarray(signs * size + centre)
 
 
 def rounded_box(
-    size: Sequence[float], radius: float, centre: Sequence[float] = (0.0, 0.0, 0.0), steps: int = 3
+    size: Point, radius: float, centre: Point = (0.0, 0.0, 0.0), steps: int = 3
 ) -> Float64:
     """A box whose edges are rounded with a radius (m), less where its sides are short."""
     radius = min(radius, 0.49 * min(size))
