@@ -36,6 +36,14 @@ def test_each_sensor_gets_as_many_images_and_the_rest_pass():
     assert counts == pytest.approx([0.4, 0.3, 0.3], abs=0.04)
 
 
+def test_a_sensor_is_drawn_as_often_as_its_weight_says():
+    noise = OneOf({"near": Added(1.0), "far": Added(2.0)}, share=0.8, weights={"far": 3.0})
+    depth = torch.ones(3000, 2, 3)
+    changes = (applied(noise, depth) - depth)[:, 0, 0]
+    counts = [(changes == metres).float().mean() for metres in (0, 1, 2)]
+    assert counts == pytest.approx([0.2, 0.2, 0.6], abs=0.04)
+
+
 def test_an_image_depends_on_its_seed_alone():
     noise = OneOf({"a": Gaussian(sigma=0.01), "b": Added(1.0)}, share=0.8)
     depth = torch.ones(40, 6, 8)
@@ -43,11 +51,15 @@ def test_an_image_depends_on_its_seed_alone():
     torch.testing.assert_close(applied(noise, depth), alone, rtol=0, atol=1e-6)
 
 
-def test_no_sensor_and_a_share_above_one_are_refused():
+def test_no_sensor_and_numbers_out_of_range_are_refused():
     with pytest.raises(ConfigError, match="no sensors"):
         OneOf({}, share=0.5)
     with pytest.raises(ConfigError, match="share"):
         OneOf({"a": Added(1.0)}, share=1.5)
+    with pytest.raises(ConfigError, match=r"weights = \['b'\]: expected names of a"):
+        OneOf({"a": Added(1.0)}, share=0.5, weights={"b": 1.0})
+    with pytest.raises(ConfigError, match=r"weights\.a = 0"):
+        OneOf({"a": Added(1.0)}, share=0.5, weights={"a": 0.0})
 
 
 def test_training_on_small_images_meets_four_kinds_of_sensors():
