@@ -64,5 +64,6 @@ def test_no_sensor_and_numbers_out_of_range_are_refused():
 
 def test_training_on_small_images_meets_four_kinds_of_sensors():
     noise = base("experiment=object_shells").dataset.noise.sensors
+    assert base("experiment=part_images").dataset["views"].noise.sensors.sensors == noise.sensors
     assert set(noise.sensors) == {"kinect", "stereo", "time_of_flight", "phone_lidar"}
     assert all(sensor.share == 1.0 for sensor in noise.sensors.values())

@@ -43,9 +43,9 @@ def pot(
         foot: its radius by that of the rim.
         belly: how much wider the wall is half way up, by the radius.
         thickness: of the wall.
-        oval: width by length, where the spout says that it isn't round.
+        oval: width by length of one with a spout; others are round.
         handles: their number, rounded down.
-        spout: above 0.5 there is one, longer the larger.
+        spout: above 0.5 there is one, 6 cm long at 1.
     """
     at = np.linspace(0, 1, 6)
     wide = radius * (foot + (1 - foot) * at + belly * np.sin(np.pi * at))
@@ -68,7 +68,7 @@ def pot(
         turn = np.array([-0.35, 0.35])
         edge = np.column_stack([rim * np.sin(turn), rim * np.cos(turn), [height, height]])
         low = np.interp(0.75, at, wide) - 0.5 * thickness
-        tip = [[0, wide[-1] + 0.06 * spout * (1 + radius), height], [0, low, 0.75 * height]]
+        tip = [[0, wide[-1] + 0.06 * spout, height], [0, low, 0.75 * height]]
         parts += painted(0, np.concatenate([edge, tip]))
         return [Part(part.corners * (1, oval, 1), part.paint) for part in parts]
     return parts
@@ -87,7 +87,7 @@ def turned(
         radius: of its widest place.
         steps: pieces of the outline, rounded down; each goes on where the last ended, or steps.
         least: smallest radius by the largest.
-        oval: width by length, below 0.75 for a half of them.
+        oval: width by length; from 0.75 on it is round.
         sides: below 0.3 the outline has corners: 4 to 8 sides.
     """
     count = int(steps)
