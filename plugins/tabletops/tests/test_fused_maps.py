@@ -8,7 +8,7 @@ from scenefw.core.errors import ConfigError
 from scenefw.noise.frames import disturb
 from scenefw.noise.gaussian import Gaussian
 from scenefw.noise.pose import Jitter
-from scenefw_tabletops.data.fused_maps import FusedMaps
+from scenefw_tabletops.data.fused_maps import FusedMaps, in_turns
 
 
 class LastView:
@@ -154,3 +154,14 @@ def test_another_scene_around_the_same_views_is_another_file(tmp_path):
     for source in (Rectangles(), Lifted(), Rectangles()):
         FusedMaps(source, LastView(), 2, tmp_path)(0)
     assert len(list(tmp_path.glob("*.npz"))) == 2
+
+
+def test_scenes_take_noise_in_turns():
+    rough, still = {"gaussian": Gaussian(0.01)}, {}
+    noises = {"rough": rough, "still": still, "moved": {"pose": Jitter(0.001)}}
+    assert [in_turns(noises, scene) is rough for scene in range(5)] == [True, False, False] + [
+        True,
+        False,
+    ]
+    assert in_turns(noises, 4) is still
+    assert in_turns({}, 3) == {}

@@ -5,11 +5,11 @@ from tests.unit.tasks.recordings import CLASSES, frames, table
 from tests.unit.tasks.test_label import label
 
 from scenefw.core.errors import ConfigError, InputError
-from scenefw.data.files.height_maps import is_map, load_map, save_map
+from scenefw.data.files.height_maps import load_map, save_map
 from scenefw.data.files.sequences import write_sequence
 from scenefw_viewer import view_map
 from scenefw_viewer.map_viewer import MapViewer
-from scenefw_viewer.view_map import ViewMap
+from scenefw_viewer.view_map import ViewMap, is_map
 
 pytest.importorskip("viser")
 

@@ -242,17 +242,6 @@ class ObjectSetModel(Network, Protocol):
         """Calls `forward`, as torch does."""
 
 
-class DecomposingModel(ObjectSetModel, Protocol):
-    """One that always gives the same set (`latent_shape` is empty)."""
-
-    def decompose(self, volume: Tensor) -> ObjectSetPrediction:
-        """Test pass.
-
-        Args:
-            volume: occupancies (B, 1, X, Y, Z), or conditions (B, 2, X, Y, Z), as `sees` says.
-        """
-
-
 class DrawnSetModel(ObjectSetModel, Protocol):
     """One that draws sets for a view."""
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
@@ -194,43 +193,6 @@ class MaskFiles:
             )
         labels = np.where(labels == 255, -1, labels.astype(np.int32))
         return one_hot(labels, len(self.classes), self.confidence, str(path))
-
-
-class FunctionLabels:
-    """Labels from any function of a frame.
-
-    Args:
-        function: from a frame to class ids (H, W), below 0 where unknown, or to probabilities
-            (C, H, W).
-        classes: names by class id.
-        confidence: probability of a class that is given as an id.
-    """
-
-    def __init__(
-        self,
-        function: Callable[[Frame], NDArray[Any]],
-        classes: Sequence[str],
-        confidence: float = 0.95,
-    ) -> None:
-        _require_confidence(confidence, classes)
-        self.function, self.classes, self.confidence = function, tuple(classes), confidence
-
-    def label(self, frame: Frame) -> Probabilities:
-        """Probabilities (C, H, W).
-
-        Raises:
-            InputError: what the function returned has another shape.
-        """
-        output = np.asarray(self.function(frame))
-        if output.shape == frame.depth.shape and output.dtype.kind in "iu":
-            return one_hot(output, len(self.classes), self.confidence, frame.name)
-        if output.shape == (len(self.classes), *frame.depth.shape) and output.dtype.kind == "f":
-            return output.astype(np.float32)
-        raise InputError(
-            f"the labels of frame {frame.name} are {output.dtype} of shape {output.shape}; "
-            f"expected ids {frame.depth.shape} or probabilities "
-            f"{(len(self.classes), *frame.depth.shape)}"
-        )
 
 
 def one_hot(labels: Labels, classes: int, confidence: float, name: str) -> Probabilities:

@@ -39,16 +39,6 @@ def disturb(frame: Frame, noises: Mapping[str, Noise], seed: int, scene: int, in
     return frame
 
 
-def in_turns(noises: Mapping[str, Mapping[str, Noise]], scene: int) -> Mapping[str, Noise]:
-    """The noises of a scene when scenes use settings in rotation; none without settings.
-
-    Args:
-        noises: settings by any name, each of noises by name.
-        scene: takes the setting number scene modulo their number.
-    """
-    return list(noises.values())[scene % len(noises)] if noises else {}
-
-
 def depth_noises(noises: Mapping[str, Noise] | None, views: str) -> dict[str, Noise]:
     """The noises of depth images, in the order in which they are applied: that of the names.
 

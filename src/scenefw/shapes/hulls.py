@@ -10,8 +10,6 @@ from scenefw.core.types import Shape, TriangleMesh
 from scenefw.shapes.solid_mesh import SolidMesh
 from scenefw.shapes.superquadric import Array, Superquadric
 
-_SIDE = 0.005  # of a hull's surface
-
 
 def collision_hulls(shape: Shape, tolerance: float, margin: float) -> list[Array]:
     """Points (K, 3) of the convex parts that a shape collides as, as of `collision_hull`."""
@@ -54,7 +52,7 @@ def _superquadric_hull(
     shape = Superquadric(np.array(half_axes), np.array(exponents))
     directions = _directions(shape)
     points = shape.support(directions)
-    corners = points[_covering(directions, points, tolerance)]
+    corners = points[covering(directions, points, tolerance)]
     # A chord lies up to `tolerance` inside a curved surface: moving the corners out by half of
     # that centres the error. Flat sides lie exactly at the half-axes and stay there.
     inset = corners - (margin - tolerance / 2) * shape.normals(corners)
@@ -73,7 +71,7 @@ def _drawn_in(points: Array, tolerance: float, margin: float) -> Array:
         directions = np.concatenate([axes, sphere_points(500), hull.equations[:, :3]])
         corners = points[hull.vertices]
         tips = corners[(directions @ corners.T).argmax(axis=1)]
-        vertices = np.unique(tips[_covering(directions, tips, tolerance)], axis=0)
+        vertices = np.unique(tips[covering(directions, tips, tolerance)], axis=0)
         planes = np.unique(ConvexHull(vertices).equations.round(9), axis=0)
         centre, depth = _deepest(planes)
         planes[:, 3] += min(margin, depth / 2)
@@ -102,7 +100,7 @@ def _directions(shape: Superquadric) -> Array:
     return np.concatenate([axes, on_sphere, on_surface])
 
 
-def _covering(directions: Array, points: Array, tolerance: float) -> list[int]:
+def covering(directions: Array, points: Array, tolerance: float) -> list[int]:
     """Indices of support points whose hull comes within `tolerance` of all of them, greedily."""
     reach = np.einsum("ij,ij->i", directions, points)
     indices = list(range(6))
@@ -116,20 +114,6 @@ def _covering(directions: Array, points: Array, tolerance: float) -> list[int]:
         np.maximum(covered, directions @ points[worst], out=covered)
 
 
-def thinned_hull(points: Array, tolerance: float) -> TriangleMesh:
-    """The convex hull of few of the points, nowhere more than `tolerance` inside that of all.
-
-    Args:
-        points: (N, 3) metres, not all in a plane.
-        tolerance: metres, held in 1500 directions and along flat sides.
-    """
-    hull = ConvexHull(points)
-    corners = points[hull.vertices]
-    directions = np.concatenate([np.eye(3), -np.eye(3), _sides(hull), sphere_points(1500)])
-    support = corners[(corners @ directions.T).argmax(axis=0)]
-    return hull_mesh(support[_covering(directions, support, tolerance)])
-
-
 def hull_mesh(points: Array) -> TriangleMesh:
     """The convex hull of points (N, 3), closed, its faces counter-clockwise from outside."""
     hull = ConvexHull(points)
@@ -139,14 +123,6 @@ def hull_mesh(points: Array) -> TriangleMesh:
     outward = np.einsum("ij,ij->i", np.cross(b - a, c - a), hull.equations[:, :3]) > 0
     faces = np.where(outward[:, None], faces, faces[:, ::-1])
     return TriangleMesh(vertices, faces.astype(np.int64))
-
-
-def _sides(hull: ConvexHull) -> Array:
-    """Normals (K, 3) of its large flat sides."""
-    a, b, c = (hull.points[hull.simplices[:, i]] for i in range(3))
-    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
-    normals, side_indices = np.unique(hull.equations[:, :3].round(6), axis=0, return_inverse=True)
-    return normals[np.bincount(side_indices.ravel(), areas) > _SIDE * hull.area]
 
 
 def sphere_points(count: int) -> Array:

@@ -11,7 +11,6 @@ from tests.unit.data.rectangles import Rectangles
 from scenefw.core.errors import CheckpointError, ConfigError, InputError
 from scenefw.labelling.sliding_window import SlidingWindow
 from scenefw.labelling.sources import (
-    FunctionLabels,
     MaskFiles,
     NetworkLabels,
     NetworkMapLabels,
@@ -134,15 +133,6 @@ def test_files_of_masks(frame, tmp_path):
         MaskFiles(tmp_path, CLASSES).label(frame)
 
 
-def test_any_function(frame):
-    ids = FunctionLabels(lambda f: f.labels, CLASSES).label(frame)
-    np.testing.assert_array_equal(ids.argmax(axis=0), frame.labels)
-    same = FunctionLabels(lambda _: ids, CLASSES).label(frame)
-    np.testing.assert_array_equal(same, ids)
-    with pytest.raises(InputError, match="expected ids"):
-        FunctionLabels(lambda f: f.labels[:3], CLASSES).label(frame)
-
-
 def test_a_network_sees_the_geometry_that_it_was_trained_on(frame):
     trained = checkpoint("views")
     by_depth = NetworkLabels(trained).label(frame)
@@ -166,7 +156,5 @@ def test_masks_lie_in_the_recording_or_a_folder_of_their_own(tmp_path):
 def test_a_confidence_that_is_no_probability_is_refused(tmp_path, confidence):
     with pytest.raises(ConfigError, match="expected more than"):
         MaskFiles(tmp_path, CLASSES, confidence)
-    with pytest.raises(ConfigError, match="expected more than"):
-        FunctionLabels(lambda frame: frame.labels, CLASSES, confidence)
     with pytest.raises(ConfigError, match="expected more than"):
         TrueLabels(CLASSES, 0.0, confidence)

@@ -3,7 +3,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from scenefw.core.types import Camera, Frame
-from scenefw.noise.frames import depth_noises, described, disturb, in_turns
+from scenefw.noise.frames import depth_noises, described, disturb
 from scenefw.noise.gaussian import Gaussian
 from scenefw.noise.pose import Jitter
 
@@ -48,17 +48,6 @@ def test_the_given_frame_stays_and_missing_depth_stays_missing():
     assert (view.depth[1:] == np.float32(0.3)).all()
     assert (noisy.depth[0] == 0).all()
     assert noisy.colour is view.colour
-
-
-def test_scenes_take_noise_in_turns():
-    rough, still = {"gaussian": Gaussian(0.01)}, {}
-    noises = {"rough": rough, "still": still, "moved": {"pose": Jitter(0.001)}}
-    assert [in_turns(noises, scene) is rough for scene in range(5)] == [True, False, False] + [
-        True,
-        False,
-    ]
-    assert in_turns(noises, 4) is still
-    assert in_turns({}, 3) == {}
 
 
 def test_noise_is_told_with_its_amounts():

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 from scenefw.report.palette import colours_of
 from scenefw.report.pictures import beside
 from scenefw.report.shading import draw, turned
-from scenefw.report.sizes import size, volume
 from scenefw.report.solids import solid_of
 from scenefw.report.tables import Cell, Column, Table
 from scenefw.report.window import by_label, cropped, vertices, window
+from scenefw_editing.sizes import size, volume
 
 if TYPE_CHECKING:
     from scenefw.core.types import SceneEstimate

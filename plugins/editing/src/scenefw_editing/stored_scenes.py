@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from scenefw.core.errors import ConfigError, InputError
+from scenefw.core.geometry import inverse
 from scenefw.core.types import (
     Camera,
     Frame,
@@ -23,7 +24,14 @@ from scenefw.core.types import (
     TriangleMesh,
 )
 from scenefw.data.files.structured import read_text
-from scenefw.perception.estimate.base_frame import from_base
+from scenefw.perception.estimate.base_frame import (
+    CAMERA_IN_BASE,
+    FLOOR_IN_BASE,
+    floor_pose,
+    moved_details,
+    on_floor,
+)
+from scenefw.perception.estimate.transforms import moved_obstacle
 from scenefw.perception.observation.object_masks import MAX_ID
 from scenefw.shapes.solid_mesh import closed
 from scenefw.shapes.superellipsoid import Superellipsoid
@@ -81,9 +89,28 @@ def read_scene(path: str | Path) -> SceneEstimate:
     empty = SceneEstimate(
         (), grid, volume, np.zeros(grid.shape, np.int32), frame, details, {}, None
     )
-    floor = from_base(replace(empty, objects=objects, obstacles=obstacles))
+    floor = _from_base(replace(empty, objects=objects, obstacles=obstacles))
     scene = with_objects(replace(floor, objects=()), floor.objects)
     return replace(scene, details=floor.details, masks=_masks(path, camera))
+
+
+def _from_base(estimate: SceneEstimate) -> SceneEstimate:
+    """What `in_base` made, as it was before."""
+    if FLOOR_IN_BASE not in estimate.details:
+        return estimate
+    motion = inverse(floor_pose(estimate.details))
+    camera = estimate.frame.camera
+    details = {k: v for k, v in estimate.details.items() if k != FLOOR_IN_BASE}
+    return replace(
+        estimate,
+        objects=tuple(on_floor(estimate)),
+        obstacles=tuple(moved_obstacle(item, motion) for item in estimate.obstacles),
+        frame=replace(estimate.frame, camera=camera.moved(motion @ camera.T_world_camera)),
+        details={
+            **moved_details(details, motion),
+            CAMERA_IN_BASE: np.array(camera.T_world_camera).tolist(),
+        },
+    )
 
 
 def _read_json(path: Path) -> dict[str, Any]:

@@ -12,11 +12,11 @@ from scenefw.core import rng
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.labels import known_mask
 from scenefw.labelling.pooling import DOUBT, Pool, check_doubt
-from scenefw.noise.frames import in_turns
 from scenefw_labelling_studies.curves import frame_counts
 from scenefw_labelling_studies.measures import of_weights
 from scenefw_labelling_studies.pool_fitting import fit_pool
 from scenefw_labelling_studies.results import MAP_BASED, VIEW_BASED
+from scenefw_tabletops.data.fused_maps import in_turns
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

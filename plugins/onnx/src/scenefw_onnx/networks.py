@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import torch
 from torch import Tensor, nn
 
 from scenefw.core.errors import CheckpointError
+from scenefw.core.training_protocols import ObjectSetModel
 from scenefw.learning.checkpoint import OBJECT_SETS, SEGMENTATION, SHAPE_INSTANCE
 
 if TYPE_CHECKING:
     from scenefw.core.object_sets import ObjectSetPrediction
     from scenefw.core.training_protocols import (
-        DecomposingModel,
         DrawnSetModel,
-        ObjectSetModel,
         SegmentationModel,
         ShapeInstanceModel,
     )
@@ -136,10 +135,17 @@ def _labels(checkpoint: Checkpoint) -> NamedNetwork:
     )
 
 
+class _DecomposingModel(ObjectSetModel, Protocol):
+    """A network that always gives the same set (`latent_shape` is empty)."""
+
+    def decompose(self, volume: Tensor) -> ObjectSetPrediction:
+        """Of occupancies (B, 1, X, Y, Z), or of conditions (B, 2, X, Y, Z), as `sees` says."""
+
+
 class _Sets(nn.Module):
     """Objects of a scene or a view."""
 
-    def __init__(self, network: DecomposingModel, outputs: tuple[str, ...]) -> None:
+    def __init__(self, network: _DecomposingModel, outputs: tuple[str, ...]) -> None:
         super().__init__()
         self.network, self.outputs = network, outputs
 

@@ -10,8 +10,8 @@ import numpy as np
 from scenefw.core.geometry import quaternion_from_rotation
 from scenefw.perception.observation.points import world_points
 from scenefw.report.palette import instance_colours
-from scenefw.report.sizes import volume
 from scenefw.report.window import vertices
+from scenefw_editing.sizes import volume
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

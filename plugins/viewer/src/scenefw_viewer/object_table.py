@@ -6,8 +6,8 @@ import html
 from typing import TYPE_CHECKING
 
 from scenefw.perception.physics.support_graph import FLOOR
-from scenefw.report import sizes
 from scenefw.report.palette import instance_colours
+from scenefw_editing import sizes
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import threading
+import zipfile
 from typing import TYPE_CHECKING
 
 from scenefw.core.errors import ConfigError
-from scenefw.data.files.height_maps import is_map, load_map
+from scenefw.core.files import DAMAGED
+from scenefw.data.files.height_maps import load_map
 from scenefw_viewer.map_viewer import MapViewer
 from scenefw_viewer.server import (
     announce,
@@ -17,6 +19,8 @@ from scenefw_viewer.server import (
 )
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from scenefw.tasks.label import Label
 
 
@@ -83,3 +87,12 @@ class ViewMap:
             close_server(server)
         print("viewer ended")
         return figures
+
+
+def is_map(path: Path | str) -> bool:
+    """Whether a file has the parts of a saved map; depth images, also `.npz`, have others."""
+    try:
+        with zipfile.ZipFile(path) as file:
+            return {"grid.npy", "heights.npy"} <= set(file.namelist())
+    except DAMAGED:
+        return False

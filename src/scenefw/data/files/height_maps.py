@@ -70,15 +70,6 @@ def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
                 np.lib.format.write_array(entry, value, allow_pickle=False)
 
 
-def is_map(path: Path | str) -> bool:
-    """Whether a file has the parts of a saved map; depth images, also `.npz`, have others."""
-    try:
-        with zipfile.ZipFile(path) as file:
-            return {"grid.npy", "heights.npy"} <= set(file.namelist())
-    except DAMAGED:
-        return False
-
-
 def load_map(path: Path | str, grid: HeightGrid | None = None) -> SavedMap:
     """Reads a map file.
 

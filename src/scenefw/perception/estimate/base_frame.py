@@ -58,7 +58,7 @@ def in_base(estimate: SceneEstimate) -> SceneEstimate:
         objects=tuple(moved_object(item, motion) for item in estimate.objects),
         obstacles=tuple(moved_obstacle(item, motion) for item in estimate.obstacles),
         frame=replace(estimate.frame, camera=camera.moved(T_base_camera)),
-        details={**_moved_details(details, motion), FLOOR_IN_BASE: motion.tolist()},
+        details={**moved_details(details, motion), FLOOR_IN_BASE: motion.tolist()},
     )
 
 
@@ -75,26 +75,7 @@ def on_floor(estimate: SceneEstimate) -> Sequence[ObjectEstimate]:
     return [moved_object(item, motion) for item in estimate.objects]
 
 
-def from_base(estimate: SceneEstimate) -> SceneEstimate:
-    """What `in_base` made, as it was before."""
-    if FLOOR_IN_BASE not in estimate.details:
-        return estimate
-    motion = inverse(floor_pose(estimate.details))
-    camera = estimate.frame.camera
-    details = {k: v for k, v in estimate.details.items() if k != FLOOR_IN_BASE}
-    return replace(
-        estimate,
-        objects=tuple(on_floor(estimate)),
-        obstacles=tuple(moved_obstacle(item, motion) for item in estimate.obstacles),
-        frame=replace(estimate.frame, camera=camera.moved(motion @ camera.T_world_camera)),
-        details={
-            **_moved_details(details, motion),
-            CAMERA_IN_BASE: np.array(camera.T_world_camera).tolist(),
-        },
-    )
-
-
-def _moved_details(details: Mapping[str, Any], motion: Float64) -> dict[str, Any]:
+def moved_details(details: Mapping[str, Any], motion: Float64) -> dict[str, Any]:
     """Details in other coordinates: the motions of tracked objects are."""
     if TRACKS not in details:
         return dict(details)

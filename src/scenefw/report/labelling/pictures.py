@@ -23,7 +23,6 @@ SOURCES = {
     "both": (FROM_BOTH, (0.62, 0.75, 0.58)),
 }
 """Value and colour of each origin of a label."""
-_RIGHT, WRONG, MISSED = (0.93, 0.93, 0.92), (0.80, 0.15, 0.12), (0.35, 0.35, 0.40)
 TILE = 256  # pixels of a tile
 _TOP = 0.06  # m: heights from here on have one colour
 
@@ -32,13 +31,6 @@ def label_picture(labels: NDArray[Any], classes: int) -> Picture:
     """RGB (H, W, 3) of class ids, dark where unknown."""
     palette = np.array([*class_colours(classes), UNSEEN], np.float32)
     return palette[np.where((labels >= 0) & (labels < classes), labels, classes)]
-
-
-def error_picture(labels: NDArray[Any], truth: NDArray[Any]) -> Picture:
-    """RGB (H, W, 3): wrong labels red, missing ones dark, right ones light."""
-    palette = np.array([_RIGHT, WRONG, MISSED], np.float32)
-    kind = np.where(labels < 0, 2, labels != truth)
-    return palette[np.where(truth < 0, 0, kind)]
 
 
 def source_picture(sources: NDArray[np.uint8]) -> Picture:

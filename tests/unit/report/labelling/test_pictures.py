@@ -8,7 +8,6 @@ from scenefw.core.labels import FROM_BOTH, FROM_MAP, FROM_VIEWS, NO_SOURCE
 from scenefw.report.labelling.pictures import (
     SOURCES,
     UNSEEN,
-    error_picture,
     label_picture,
     map_picture,
     source_picture,
@@ -23,9 +22,6 @@ def test_pictures_show_each_vertex_in_its_colour():
     assert picture[0, 1] == pytest.approx(colours[2])
     assert picture[1, 0] == pytest.approx(UNSEEN)
     assert picture[1, 1] == pytest.approx(UNSEEN)
-    errors = error_picture(np.array([[0, 1, -1, 1]]), np.array([[0, 0, 0, -1]]))[0]
-    assert len(np.unique(errors[:3], axis=0)) == 3
-    assert errors[3] == pytest.approx(errors[0])
     sources = source_picture(np.array([[NO_SOURCE, FROM_VIEWS, FROM_MAP, FROM_BOTH]], np.uint8))[0]
     expected = [UNSEEN, *(colour for _, colour in SOURCES.values())]
     np.testing.assert_allclose(sources, expected, atol=1e-6)

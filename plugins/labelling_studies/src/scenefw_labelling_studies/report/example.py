@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scenefw.report.labelling.pictures import (
-    MISSED,
     TILE,
-    WRONG,
     Picture,
-    error_picture,
     label_picture,
     resized,
     shaded,
@@ -21,6 +20,8 @@ from scenefw.report.labelling.pictures import (
 from scenefw.report.palette import class_colours
 from scenefw.report.pictures import beside, legend, stacked
 from scenefw_labelling_studies.results import Example
+
+_RIGHT, _WRONG, _MISSED = (0.93, 0.93, 0.92), (0.80, 0.15, 0.12), (0.35, 0.35, 0.40)
 
 
 def example_picture(example: Example, classes: Sequence[str], strategies: Sequence[str]) -> Picture:
@@ -50,5 +51,12 @@ def example_picture(example: Example, classes: Sequence[str], strategies: Sequen
     tiles = [resized(tile, TILE) for tile in tiles]
     sheet = beside(tiles, titles, columns=len(example.frames) + 1)
     names = dict(zip(classes, class_colours(len(classes)), strict=True))
-    marks = {"wrong": WRONG, "unknown": MISSED} | source_names()
+    marks = {"wrong": _WRONG, "unknown": _MISSED} | source_names()
     return stacked(sheet, legend(names | marks, sheet.shape[1]))
+
+
+def error_picture(labels: NDArray[Any], truth: NDArray[Any]) -> Picture:
+    """RGB (H, W, 3): wrong labels red, missing ones dark, right ones light."""
+    palette = np.array([_RIGHT, _WRONG, _MISSED], np.float32)
+    kind = np.where(labels < 0, 2, labels != truth)
+    return palette[np.where(truth < 0, 0, kind)]

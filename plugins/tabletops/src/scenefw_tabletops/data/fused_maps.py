@@ -15,7 +15,7 @@ from scenefw.core.labelling_protocols import FrameSource, HeightMapping
 from scenefw.core.made_of import settings_of
 from scenefw.core.protocols import Noise
 from scenefw.data.files.height_maps import load_map, save_map
-from scenefw.noise.frames import described, disturb, in_turns
+from scenefw.noise.frames import described, disturb
 
 
 class FusedMaps:
@@ -99,3 +99,13 @@ class FusedMaps:
         for part in parts:
             digest.update(b"none" if part is None else np.ascontiguousarray(part).tobytes())
         return f"{first.name.replace('/', '_')}_{digest.hexdigest()[:16]}"
+
+
+def in_turns(noises: Mapping[str, Mapping[str, Noise]], scene: int) -> Mapping[str, Noise]:
+    """The noises of a scene when scenes use settings in rotation; none without settings.
+
+    Args:
+        noises: settings by any name, each of noises by name.
+        scene: takes the setting number scene modulo their number.
+    """
+    return list(noises.values())[scene % len(noises)] if noises else {}

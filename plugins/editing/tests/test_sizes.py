@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from scenefw.core.types import ObjectEstimate, Pose, TriangleMesh
-from scenefw.report.sizes import size, volume
 from scenefw.shapes.superquadric import Superquadric
+from scenefw_editing.sizes import size, volume
 
 
 def test_extents_are_in_whole_centimetres():
