@@ -6,7 +6,7 @@ Listing reads file names and first comments only; nothing is imported until some
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -45,6 +45,12 @@ def catalogue() -> dict[str, dict[str, Path]]:
             if config.is_option(name):
                 files.setdefault(group, {})[name] = path
     return {group: files[group] for group in _ordered(files)}
+
+
+def files() -> Iterator[Path]:
+    """Files of all settings: options, and what they share."""
+    for folder in folders():
+        yield from sorted(folder.rglob("*.yaml"))
 
 
 def groups() -> dict[str, Group]:

@@ -9,6 +9,7 @@ import re
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
+from scenefw import registry
 from scenefw.config import near_misses
 from scenefw.core.dotted_names import resolve
 from scenefw.core.errors import ConfigError, SceneFWError, SettingError
@@ -112,8 +113,20 @@ def _imported(target: str, key: str) -> Callable[..., Any]:
         raise
     except (Exception, SystemExit) as error:  # whatever the code of a plugin raises
         reason = f"{type(error).__name__}: {error}"
-        raise ConfigError(f"{key}: cannot import {target} ({reason}){_missing(error)}") from error
+        hint = _missing(error) or _moved(target)
+        raise ConfigError(f"{key}: cannot import {target} ({reason}){hint}") from error
     return component
+
+
+def _moved(target: str) -> str:
+    """Where a class of scenefw that options name has gone, if it isn't where it was."""
+    package, _, name = target.rpartition(".")
+    if not package.startswith("scenefw"):
+        return ""
+    texts = (path.read_text("utf-8") for path in registry.files())
+    pattern = re.compile(rf"_target_: (scenefw[\w.]*\.{re.escape(name)})\s")
+    targets = sorted({match for text in texts for match in pattern.findall(text)} - {target})
+    return f"; {name} is now {' or '.join(targets)}" if targets else ""
 
 
 def _missing(error: BaseException) -> str:

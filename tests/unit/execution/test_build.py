@@ -116,6 +116,11 @@ def test_what_cannot_be_built_is_one_line(node, words):
     assert str(caught.value).startswith(words)
 
 
+def test_a_class_that_has_moved_is_named_where_it_is():
+    with pytest.raises(ConfigError, match=r"; Stereo is now scenefw\.noise\.stereo\.Stereo$"):
+        build(run={"_target_": "scenefw.data.noise.Stereo"})
+
+
 def test_a_components_own_complaint_comes_as_it_is():
     with pytest.raises(InputError, match="that image is black"):
         build(run={"_target_": "made_parts.complains"})
