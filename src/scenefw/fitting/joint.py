@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from scenefw.core.geometry import within
 from scenefw.core.settings import COUNT, POSITIVE
 from scenefw.fitting.placed import in_frame_of, shape_of, shells_of
 
@@ -110,8 +111,8 @@ class JointFit:
 
     def _nearby(self, fitted: FittedSuperquadric, places: Float64) -> Float64:
         """Places that an object may come to contain in a few steps."""
-        local = np.abs(in_frame_of(fitted, places))
-        return np.asarray(places[(local < 1.5 * fitted.half_axes + self.sigma).all(axis=1)])
+        reach = 1.5 * fitted.half_axes + self.sigma
+        return np.asarray(places[within(in_frame_of(fitted, places), -reach, reach)])
 
     def _add_outside(self, evidence: Evidence, points: Float64) -> Evidence:
         sigmas = np.concatenate([evidence.outside_sigmas, np.full(len(points), self.sigma)])

@@ -21,7 +21,8 @@ class SurfacePoints(NamedTuple):
 def face_areas(mesh: TriangleMesh) -> Float64:
     """Area of each face (F,) in m^2."""
     first, second, third = (mesh.vertices[column] for column in mesh.faces.T)
-    return np.asarray(np.linalg.norm(np.cross(second - first, third - first), axis=1) / 2)
+    x, y, z = np.cross(second - first, third - first).T
+    return np.asarray(np.sqrt(x * x + y * y + z * z) / 2)  # faster than a norm of rows
 
 
 def sample_surface(mesh: TriangleMesh, count: int, rng: np.random.Generator) -> SurfacePoints:

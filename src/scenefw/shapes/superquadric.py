@@ -34,7 +34,7 @@ class Superquadric:
         for name, minimum in (("half_axes", np.finfo(float).tiny), ("exponents", 1.0)):
             values = getattr(self, name)
             array = np.array(values, dtype=np.float64)
-            if array.shape != (3,) or not np.isfinite(array).all() or (array < minimum).any():
+            if array.shape != (3,) or not all(minimum <= v < np.inf for v in array.tolist()):
                 bound = "> 0 (metres)" if name == "half_axes" else ">= 1 (below 1: not convex)"
                 raise InputError(
                     f"superquadric {name} = {values}: expected 3 finite numbers {bound}"

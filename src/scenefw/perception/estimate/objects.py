@@ -3,8 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-import numpy as np
-
+from scenefw.core.geometry import bounds
 from scenefw.core.types import ObjectEstimate, PlacedShape, Pose, TriangleMesh
 from scenefw.shapes.moments import moments
 
@@ -41,4 +40,5 @@ def principal_pose(mesh: TriangleMesh) -> Pose:
 def _estimate(label: int, mesh: TriangleMesh, confidence: float) -> ObjectEstimate:
     pose = principal_pose(mesh)
     local = (mesh.vertices - pose.position) @ pose.rotation
-    return ObjectEstimate(label, mesh, pose, np.ptp(local, axis=0), confidence)
+    low, high = bounds(local)
+    return ObjectEstimate(label, mesh, pose, high - low, confidence)

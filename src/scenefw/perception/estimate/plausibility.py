@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 from skimage.measure import marching_cubes
 
+from scenefw.core.geometry import bounds, within
 from scenefw.core.types import TriangleMesh
 from scenefw.core.weak_cache import cached_by_identity
 from scenefw.perception.estimate.objects import estimate_objects
@@ -133,8 +134,7 @@ class _Checks:
         visible = self.visible[label]
         if len(visible) > MIN_POINTS:
             length, visible_length = (
-                np.ptp(mesh.vertices, axis=0).max(),
-                np.ptp(visible, axis=0).max(),
+                np.subtract(*bounds(points)[::-1]).max() for points in (mesh.vertices, visible)
             )
             flaws += float(length > _MIN_LONG and length > _MAX_LENGTH_RATIO * visible_length)
         free = self._free_volume(mesh) / max(volume, np.finfo(float).tiny)
@@ -164,8 +164,8 @@ class _Checks:
             distances_to(item.mesh).highest(middle)[0]
             for item in self.objects
             if item.id != label
-            and (item.mesh.vertices[:, :2].min(axis=0) < middle).all()
-            and (item.mesh.vertices[:, :2].max(axis=0) > middle).all()
+            and (distances_to(item.mesh).low[:2] < middle).all()
+            and (distances_to(item.mesh).high[:2] > middle).all()
         ]
         return max([float(h) for h in heights if h < lowest + self.margin], default=0.0)
 
@@ -185,9 +185,10 @@ class _Checks:
         """Whether nothing is close to the lowest part of a mesh."""
         heights = mesh.vertices[:, 2]
         bottom = mesh.vertices[heights < heights.min() + TOUCH]
-        low, high = bottom.min(axis=0) - TOUCH, bottom.max(axis=0) + TOUCH
+        low, high = bounds(bottom)
+        low, high = low - TOUCH, high + TOUCH
         neighbours = [
-            vertices[((vertices >= low) & (vertices <= high)).all(axis=1)]
+            vertices[within(vertices, low, high)]
             for item in self.objects
             for solid, vertices in [(distances_to(item.mesh), item.mesh.vertices)]
             if item.id != label and (solid.low <= high).all() and (solid.high >= low).all()

@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from scipy.constants import golden
 
+from scenefw.core.geometry import bounds, within
 from scenefw.core.weak_cache import cached_by_identity
 from scenefw.kernels.meshes import NOTHING, Tree
 
@@ -34,14 +35,13 @@ class MeshDistances:
 
     def __init__(self, mesh: TriangleMesh) -> None:
         self.vertices, self.faces = mesh.vertices, mesh.faces
-        self.low, self.high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+        self.low, self.high = bounds(mesh.vertices)
 
     def inside(self, points: Float64) -> NDArray[np.bool_]:
         """Whether points (N, 3) lie in the solid: rays upwards cross the surface an odd number."""
         points = np.asarray(points, dtype=np.float64)
         inside = np.zeros(len(points), dtype=bool)
-        in_box = ((points >= self.low) & (points <= self.high)).all(axis=1)
-        rows = np.flatnonzero(in_box)
+        rows = np.flatnonzero(within(points, self.low, self.high))
         start = (points[rows] + (*_RAY_OFFSET, 0.0)).astype(np.float32)
         odd_mask = np.zeros(len(rows), dtype=bool)
         active_rays = np.arange(len(rows))

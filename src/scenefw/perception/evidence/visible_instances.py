@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, find_objects, map_coordinates
 
+from scenefw.core.geometry import within
 from scenefw.core.types import Float64, GridSpec, Int32
 
 
@@ -28,7 +29,7 @@ def visible_instances(
     """
     voxels = grid.to_voxels(points)
     with np.errstate(invalid="ignore"):
-        inside = np.all((voxels > -0.5) & (voxels < grid.resolution - 0.5), axis=-1)
+        inside = within(voxels, (-0.5,) * 3, (grid.resolution - 0.5,) * 3)
     selection = inside & pixel_mask
     labels = np.zeros(selection.shape, np.int32)
     labels[selection] = _nearest_instances(instances, voxels[selection], reach)
@@ -48,7 +49,7 @@ def _nearest_instances(instances: Int32, voxels: Float64, reach: float) -> Int32
             for s, n in zip(box, instances.shape, strict=True)
         ]
         low, high = np.transpose(ends)
-        indices = np.flatnonzero(np.all((voxels >= low - 0.5) & (voxels <= high - 0.5), axis=1))
+        indices = np.flatnonzero(within(voxels, low - 0.5, high - 0.5))
         inside = np.pad(instances[tuple(slice(*e) for e in ends)] == number, 1, mode="edge")
         field = distance_transform_edt(~inside) - distance_transform_edt(inside)
         distance = map_coordinates(field, (voxels[indices] - low + 1).T, order=1, mode="nearest")

@@ -111,7 +111,7 @@ def _farthest_heights(planes: Float64, places: Float64, reach: float) -> Float64
     """
     heights, active_rows = np.full(len(places), -np.inf), np.arange(len(places))
     for plane_batch in np.array_split(planes, math.isqrt(len(planes))):
-        batch_heights = (places[active_rows] @ plane_batch[:, :3].T + plane_batch[:, 3]).max(axis=1)
-        heights[active_rows] = np.maximum(heights[active_rows], batch_heights)
+        batch_heights = plane_batch[:, :3] @ places[active_rows].T + plane_batch[:, 3:]
+        heights[active_rows] = np.maximum(heights[active_rows], batch_heights.max(axis=0))
         active_rows = active_rows[heights[active_rows] < reach]
     return heights

@@ -136,8 +136,8 @@ class FloorFinder:
             sides = ConvexHull(inliers[:, :2] / inliers[:, 2:]).equations
         except (QhullError, ValueError):  # all on one line
             return 0.0
-        within = (hidden[:, :2] / hidden[:, 2:]) @ sides[:, :2].T + sides[:, 2] < 0
-        return float(within.all(axis=1).sum() / len(points))
+        heights = sides[:, :2] @ (hidden[:, :2] / hidden[:, 2:]).T + sides[:, 2:]
+        return float((heights < 0).all(axis=0).sum() / len(points))
 
     def _fit(self, points: Array, normal: Array, height: float) -> Floor:
         """Least-squares plane of the points that are near one, as near as their noise allows."""

@@ -3,6 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from scenefw.core.geometry import within
+
 CELL = 0.02
 """m: side of a cell."""
 
@@ -49,5 +51,5 @@ class FloorRaster:
     def _cells(self, points: NDArray[np.float64]) -> tuple[NDArray, NDArray]:
         """Whether each point is over the raster, and its cell (..., 2), (0, 0) if not."""
         scaled = np.floor((points[..., :2] + self.reach) / self.cell)
-        inside = np.all((scaled >= 0) & (scaled < self.side), axis=-1)
+        inside = within(scaled, (0, 0), (self.side - 1,) * 2)
         return inside, np.where(inside[..., None], scaled, 0).astype(np.int64)

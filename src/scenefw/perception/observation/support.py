@@ -81,6 +81,6 @@ def _cells_of_components(
     components: NDArray[np.int64], points: Float64, mask: Mask
 ) -> NDArray[np.int64]:
     """Pairs (2, N) of a component and the number of a cell that pixels of `mask` have of it."""
-    cells = _RASTER.numbers(points[mask])
-    pairs: NDArray[np.int64] = np.unique(np.stack([components[mask], cells])[:, cells >= 0], axis=1)
-    return pairs
+    cells, size = _RASTER.numbers(points[mask]), _RASTER.side**2
+    pairs = np.unique((components[mask] * size + cells)[cells >= 0])  # faster than pairs of numbers
+    return np.stack(np.divmod(pairs, size))
