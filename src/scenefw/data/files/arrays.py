@@ -22,6 +22,9 @@ from scenefw.data.files.poses import pose_of
 _MAX_BLENDED_RATIO = 0.1
 """Sharp masks of drawn and real objects have up to 0.02, resized ones 0.3 and more."""
 
+_MARKS = (1, 255, 65535)
+"""Values that mark pixels in masks of any type, as True does."""
+
 
 def frame_of(
     depth: ArrayLike,
@@ -63,7 +66,7 @@ def mask_of(mask: ArrayLike, shape: tuple[int, ...], name: str) -> NDArray[np.bo
 
     Args:
         mask: (H, W) or (H, W, 1) booleans or whole numbers; those below 0 are none. A single value
-            above 0 of uint8, such as 255, says where objects are, as in a picture.
+            above 0 says where objects are, as in a picture, if it is of uint8, or 1, 255 or 65535.
         shape: of the image.
         name: of the image, for messages.
 
@@ -93,9 +96,9 @@ def mask_of(mask: ArrayLike, shape: tuple[int, ...], name: str) -> NDArray[np.bo
             "values between those of both sides, as after resizing with interpolation; resize it "
             "with nearest neighbours, or without smooth edges"
         )
-    if len(ids) == 1 and values.dtype == np.uint8:
+    if len(ids) == 1 and (values.dtype == np.uint8 or ids[0] in _MARKS):
         return values > 0
-    return np.maximum(values, 0).astype(np.int32)
+    return np.clip(values, 0, np.iinfo(np.int32).max).astype(np.int32)
 
 
 def blended_ratio(values: NDArray[Any]) -> float:

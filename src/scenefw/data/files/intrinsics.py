@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -31,6 +31,11 @@ _SIZE_KEYS = (
     ("_width", "_height"),
     ("w", "h"),
 )
+_SIZES_KEYS = ("resolution", "image_size", "imageSize", "img_size", "size")  # of both in a list
+_SCALE_KEYS = (
+    "depth_scale", "depthScale", "png_depth_scale", "depth_units", "depth_unit", "depth_factor",
+    "factor_depth", "DepthMapFactor",
+)  # fmt: skip
 _LENS_KEYS = (
     "distortion_coefficients", "distortion_coeffs", "dist_coeffs", "distCoeffs", "distortion",
     "coeffs", "D", "d",
@@ -237,9 +242,26 @@ def _with_details(
     matrix: NDArray[np.float64], content: Mapping[str, Any], name: str
 ) -> Calibration:
     """Size, lens and unit beside a matrix."""
-    sizes = ((_number(content, width), _number(content, height)) for width, height in _SIZE_KEYS)
-    size = next(((int(w), int(h)) for w, h in sizes if w is not None and h is not None), None)
-    return Calibration(matrix, size, _lens(content, name), _number(content, "depth_scale"))
+    scales = (_number(content, key) for key in _SCALE_KEYS)
+    scale = next((scale for scale in scales if scale is not None), None)
+    size, lens, region = _size(content), _lens(content, name), content.get("roi")
+    if isinstance(region, Mapping) and all(_size(region) or (0,)):
+        # ROS: K is of the image before it was cropped
+        matrix = matrix.copy()
+        matrix[:2, 2] -= [_number(region, key) or 0.0 for key in ("x_offset", "y_offset")]
+        size = _size(region)
+    return Calibration(matrix, size, lens, scale)
+
+
+def _size(content: Mapping[str, Any]) -> tuple[int, int] | None:
+    """Width and height, where they are said."""
+    numbers = [(_number(content, width), _number(content, height)) for width, height in _SIZE_KEYS]
+    for value in (content.get(key) for key in _SIZES_KEYS):
+        if isinstance(value, Mapping):
+            numbers.append((_number(value, "width"), _number(value, "height")))
+        elif isinstance(value, Sequence) and not isinstance(value, str) and len(value) == 2:
+            numbers.append((_number({"": value[0]}, ""), _number({"": value[1]}, "")))
+    return next(((int(w), int(h)) for w, h in numbers if w is not None and h is not None), None)
 
 
 def _number(content: Mapping[str, Any], key: str) -> float | None:

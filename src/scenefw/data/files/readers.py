@@ -167,9 +167,7 @@ def _read_npz(
         raise InputError(
             f"{path} has no intrinsics K (3, 3); store them in it or give run.intrinsics=PATH"
         )
-    calibration = (
-        Calibration(content["K"]) if intrinsics is None else calibration_of(intrinsics, path.name)
-    )
+    calibration = calibration_of(content["K"] if intrinsics is None else intrinsics, path.name)
     labels, in_millimetres = _npz_labels(content, path), "depth_mm" in content
     image = Content(depth, calibration, unit, labels=labels, in_millimetres=in_millimetres)
     return _with_colour(image, content["rgb"], "rgb") if "rgb" in content else image

@@ -67,7 +67,10 @@ def read_structured(path: Path) -> Any:
     try:
         if path.suffix.lower() in (".yaml", ".yml"):
             text = _OPENCV_HEADER.sub(r"%YAML \1.\2", text)
-            return yaml.load(text, Loader=_Loader)  # a SafeLoader
+            documents = [d for d in yaml.load_all(text, Loader=_Loader) if d is not None]
+            if len(documents) > 1:
+                raise InputError(f"{path} holds {len(documents)} documents of YAML; give one")
+            return documents[0] if documents else None  # of a SafeLoader
         return json.loads(text)
     except (ValueError, yaml.YAMLError, RecursionError, OverflowError, MemoryError) as error:
         reason = (str(error).splitlines() or [type(error).__name__])[0]

@@ -15,17 +15,17 @@ from scenefw.core.types import Frame
 from scenefw.data.files.image_checks import check_depth
 from scenefw.perception.observation.colour_alignment import colour_shift
 from scenefw.perception.observation.components import TOUCH
-from scenefw.perception.observation.depth_reading import better_reading
-from scenefw.perception.observation.floor import FloorFinder
+from scenefw.perception.observation.depth_reading import better_reading, blended_ratio
+from scenefw.perception.observation.floor import TABLE_HEIGHT, FloorFinder
 from scenefw.perception.observation.object_groups import MAX_UNSAID_RATIO
 from scenefw.perception.observation.points import MINORITY
+from scenefw.perception.observation.raster import CELL
 from scenefw.perception.observation.workspace import OUTSIDE_CUBE, Workspace
 
 GOOD, ODD, UNUSABLE = "good", "odd", "unusable"
 """Verdicts: a prediction is made with an odd image, and none of an unusable one."""
 
 _MAX_FOCAL_RATIO = 4.0  # of focal length to a side, or the reverse: views of 14 to 127 degrees
-_MAX_CENTRE_OFFSET = 0.25  # of the sides: that of an image of half or twice the size is as far off
 _MAX_PIXELS = 4_000_000  # beyond, time and memory grow and accuracy hardly does
 _FIX_SEPARATOR = re.compile(r"; |(?<=\?) ")
 
@@ -127,6 +127,7 @@ class Doctor:
         median = float(np.median(frame.depth[frame.depth > 0]))
         unit = Check("unit", GOOD, f"the median depth is {median:.2f} m")
         checks = [unit, *_check_intrinsics(frame), self._check_measured(frame)]
+        checks += _check_blended(frame)
         checks += self._check_colour(frame)
         checks += [Check("file", ODD, *_split(note)) for note in frame.notes]
         return [*checks, *_check_pixels(frame)]
@@ -261,7 +262,7 @@ def _check_intrinsics(frame: Frame) -> list[Check]:
     offset = (camera.cx / camera.width - 0.5, camera.cy / camera.height - 0.5)
     transposed_offset = (camera.cx / camera.height - 0.5, camera.cy / camera.width - 0.5)
     is_swapped = max(np.abs(transposed_offset)) < MINORITY < max(np.abs(offset))
-    is_central = max(np.abs(offset)) <= _MAX_CENTRE_OFFSET and not is_swapped
+    is_central = max(np.abs(offset)) <= MINORITY and not is_swapped
     return [
         Check.of(
             "intrinsics",
@@ -277,10 +278,30 @@ def _check_intrinsics(frame: Frame) -> list[Check]:
             f"{'near' if is_central else 'far from'} the middle of the image",
             "swap cx and cy, or is the image turned?"
             if is_swapped
-            else "are they of another image size?",
+            else "are they of another image size, or is the image a part of one?",
             is_good=is_central,
         ),
     ]
+
+
+def _check_blended(frame: Frame) -> list[Check]:
+    """Whether depth was interpolated across what wasn't measured."""
+    if blended_ratio(frame.depth) < MINORITY:
+        return []
+    finding = "depth falls evenly to 0 beside what isn't measured, as after resizing or smoothing"
+    return [Check("edges", ODD, finding, "resize with nearest neighbours, and don't smooth")]
+
+
+def _check_lower_surface(workspace: Workspace) -> list[Check]:
+    """Another table, lower down, on which nothing is looked for."""
+    heights = workspace.points[..., 2]
+    below = heights[(heights < -2 * CELL) & (heights > -TABLE_HEIGHT - CELL)]
+    levels = np.bincount((-below / CELL).astype(int), minlength=1)
+    if levels.max() < MAX_UNSAID_RATIO * np.isfinite(heights).sum():
+        return []
+    height = 100 * CELL * (levels.argmax() + 0.5)
+    finding = f"another surface lies {height:.0f} cm lower, and what stands on it is left out"
+    return [Check("lower", ODD, finding, "take a picture of it alone")]
 
 
 def _no_objects() -> Check:
@@ -303,7 +324,11 @@ def _check_left_out(workspace: Workspace) -> Check:
 
 def _check_others(workspace: Workspace) -> list[Check]:
     """What rises above the floor and isn't taken for an object."""
-    return [*_check_flat(workspace), *_check_other_surfaces(workspace)]
+    return [
+        *_check_flat(workspace),
+        *_check_other_surfaces(workspace),
+        *_check_lower_surface(workspace),
+    ]
 
 
 def _check_flat(workspace: Workspace) -> list[Check]:

@@ -10,7 +10,7 @@ from scipy.spatial import QhullError
 
 from scenefw.core.errors import InputError
 from scenefw.fitting.placed import OUTLIERS
-from scenefw.perception.observation.points import world_points
+from scenefw.perception.observation.points import MINORITY, world_points
 from scenefw.shapes.hulls import hull_mesh
 
 if TYPE_CHECKING:
@@ -84,10 +84,10 @@ def _visible(
     above = inside & (points[..., 2] > 0)
     high, low = shown & raised, inside & ~raised
     is_low = high.sum() < low.sum() and np.median(points[low][:, 2]) > OUTLIERS * noise
-    if high.any() and not is_low:
-        return high, ""
-    if above.any():
+    if is_low and above.any():
         return above, ""
+    if high.sum() > MINORITY * low.sum():
+        return high, ""
     if inside.any():
         height = np.median(points[inside][:, 2]) * 1000
         return above, f"it is not above the floor ({height:.0f} mm in the middle)"

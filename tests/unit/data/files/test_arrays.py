@@ -171,3 +171,17 @@ def test_a_file_of_several_pictures_is_no_mask(tmp_path):
     pages[0].save(tmp_path / "x.tif", save_all=True, append_images=pages[1:])
     with pytest.raises(InputError, match="holds 2 pictures; of several masks make one image"):
         read_mask(tmp_path / "x.tif", DEPTH.shape)
+
+
+@pytest.mark.parametrize("value", [1, 255, 65535])
+@pytest.mark.parametrize("dtype", [np.int32, np.int64, np.uint16])
+def test_a_single_mark_of_any_type_says_where_objects_are(value, dtype):
+    marked = np.zeros(DEPTH.shape, dtype)
+    marked[10:20, 10:20] = value
+    np.testing.assert_array_equal(mask_of(marked, DEPTH.shape, "x"), marked > 0)
+
+
+def test_ids_too_large_for_an_object_keep_their_size():
+    ids = np.zeros(DEPTH.shape, np.int64)
+    ids[10:20, 10:20], ids[30:40, 10:20] = 2**32 + 1, 3
+    assert mask_of(ids, DEPTH.shape, "x").max() == np.iinfo(np.int32).max  # no object 1

@@ -164,6 +164,16 @@ def test_a_wall_behind_and_a_flat_table_are_measurements():
     assert frame_of_array(flat, K).notes == ()
 
 
+def test_a_placeholder_within_the_range_of_a_room():
+    rng = np.random.default_rng(0)
+    far = np.where(np.arange(80) < 6, 3 + 3 * rng.random((60, 80)), DEPTH).astype(np.float32)
+    holes = rng.random(far.shape) < 0.05
+    assert placeholders(np.where(holes, np.float32(4.0), far)) == [4.0]
+    assert placeholders(far) == []
+    steps = np.round(far * 20) / 20  # of disparity
+    assert placeholders(np.where(far > 3, steps, far).astype(np.float32)) == []
+
+
 @pytest.mark.parametrize("dtype", [np.float32, np.uint16])
 def test_arrays_may_have_one_channel(tmp_path, dtype):
     values = DEPTH if dtype == np.float32 else MILLIMETRES

@@ -57,3 +57,41 @@ def test_a_skew_is_refused_and_rounding_is_not(place):
     skewed[place] = 5
     with pytest.raises(InputError, match=r"^intrinsics of image have a skew .*; rectify the image"):
         frame_of(DEPTH, skewed)
+
+
+@pytest.mark.parametrize(
+    "size",
+    [
+        {"resolution": [80, 60]},
+        {"image_size": [80, 60]},
+        {"resolution": {"width": 80, "height": 60}},
+    ],
+)
+def test_the_size_of_the_image_under_other_names(size):
+    with pytest.raises(InputError, match=r"its intrinsics are of 80 x 60"):
+        frame_of(DEPTH, {"K": K, **size}, name="view")
+
+
+@pytest.mark.parametrize("key", ["depth_units", "png_depth_scale", "DepthMapFactor", "depthScale"])
+def test_the_unit_of_depth_under_other_names(key):
+    depth = np.rint(DEPTH * 5000).astype(np.uint16)
+    scale = 5000 if key == "DepthMapFactor" else 1 / 5000
+    np.testing.assert_allclose(frame_of(depth, {"K": K, key: scale}).depth, DEPTH, atol=1e-4)
+
+
+def test_a_region_of_an_image_shifts_its_intrinsics():
+    whole = {"width": 80, "height": 60, "K": K}
+    region = {"x_offset": 8, "y_offset": 6, "width": 40, "height": 30}
+    camera = frame_of(DEPTH, {**whole, "roi": region}, name="view").camera
+    assert (camera.fx, camera.cx, camera.cy) == (K[0, 0], K[0, 2] - 8, K[1, 2] - 6)
+    unused = dict.fromkeys(region, 0)
+    assert frame_of(DEPTH, {"K": K, "roi": unused}, name="view").camera.cx == K[0, 2]
+
+
+def test_a_document_of_yaml_may_end(tmp_path):
+    path = tmp_path / "camera_info.yaml"
+    path.write_text(f"width: 40\nheight: 30\nK: {K.ravel().tolist()}\n---\n")
+    np.testing.assert_array_equal(read_calibration(path).matrix, K)
+    path.write_text(path.read_text() + "K: [1]\n")
+    with pytest.raises(InputError, match="holds 2 documents of YAML; give one"):
+        read_calibration(path)

@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from PIL import Image
 from tests.unit.perception.observation.test_colour_alignment import painted
 from tests.unit.perception.obstacles import OBSTACLES
 from tests.unit.perception.synthetic import camera_at, frame_of
@@ -9,8 +10,10 @@ from tests.unit.perception.synthetic import camera_at, frame_of
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.floors import Floor
 from scenefw.core.types import Camera, GridSpec
+from scenefw.data.files.readers import read_frames
 from scenefw.perception.observation import doctor
 from scenefw.perception.observation.colour_alignment import ColourShift
+from scenefw.perception.observation.depth_reading import better_reading, blended_ratio
 from scenefw.perception.observation.doctor import Doctor
 from scenefw.perception.observation.floor import FloorFinder
 from scenefw.perception.observation.obstacles import ObstacleRegion
@@ -223,11 +226,70 @@ def test_distances_along_rays_are_told_from_depth(size):
     assert "distances from the camera's centre" in warning
 
 
-def test_values_of_a_depth_buffer_are_told_from_depth():
+@pytest.mark.parametrize(
+    "numbers",
+    [
+        lambda depth: 3.0 / 2.7 * (1 - 0.3 / depth),  # from 0.3 to 3 m
+        lambda depth: 10 / 9.9 * (1 - 0.1 / depth),
+        lambda depth: 1 / depth,
+        lambda depth: np.rint(16 * 45 / depth) / 1000,  # disparities in sixteenths of a pixel
+    ],
+)
+def test_inverse_depths_are_told_from_depth(numbers):
     frame = frame_of(camera_at(), noise=0.0005)
-    near, far = 0.3, 3.0
-    buffer = far / (far - near) * (1 - near / frame.depth)
     (warning,) = Doctor().examine_floor(
-        replace(frame, depth=buffer.astype(np.float32)), FloorFinder()
+        replace(frame, depth=numbers(frame.depth).astype(np.float32)), FloorFinder()
     )[1]
-    assert "depth buffer" in warning
+    assert "inverse depths: disparities, or values of a depth buffer" in warning
+
+
+@pytest.mark.parametrize("height", [0.45, 0.7, 0.95])
+@pytest.mark.parametrize("noise", [0.0, 0.001])
+def test_a_floor_from_straight_above_is_no_other_reading(height, noise):
+    frame = frame_of(camera_at(eye=(0.0, 0.001, height)), noise=noise)
+    assert Doctor().examine_floor(frame, FloorFinder())[1] == []
+
+
+def test_real_depth_is_depth_and_nothing_else(real_data):
+    readings = []
+    for frame in read_frames(real_data / "real" / "realsense_table"):
+        assert Doctor().examine_floor(frame, FloorFinder())[1] == []
+        assert blended_ratio(frame.depth) < 0.01
+        inverse = np.divide(1, frame.depth, where=frame.depth > 0, out=np.zeros_like(frame.depth))
+        inverse_frame = replace(frame, depth=inverse)
+        floor = FloorFinder().find(inverse_frame)
+        readings.append(better_reading(inverse_frame, floor, FloorFinder()))
+    assert sum("inverse" in reading for reading in readings) >= len(readings) - 1
+
+
+@pytest.mark.parametrize("scale", [0.5, 1.5])
+def test_interpolated_depth_is_warned_of(scale):
+    frame = frame_of(camera_at())
+    depth = frame.depth.copy()
+    depth[40:60, 50:90] = 0
+    camera = frame.camera.resized(
+        round(scale * frame.camera.width), round(scale * frame.camera.height)
+    )
+    size = (camera.width, camera.height)
+    for method, expected in ((Image.Resampling.NEAREST, False), (Image.Resampling.BILINEAR, True)):
+        resized = np.asarray(Image.fromarray(depth).resize(size, method))
+        warnings = Doctor().examine_frame(replace(frame, depth=resized, camera=camera))
+        assert any("nearest neighbours" in warning for warning in warnings) == expected
+
+
+@pytest.mark.parametrize("factor", [0.75, 1.5, 2.0])
+def test_intrinsics_of_another_size_are_warned_of(frame, factor):
+    (warning,) = Doctor().examine_frame(
+        with_camera(frame, cx=frame.camera.cx / factor, cy=frame.camera.cy / factor)
+    )
+    assert "of another image size" in warning
+
+
+def test_a_second_table_lower_down_is_told(frame):
+    depth, height = frame.depth.copy(), camera_at().T_world_camera[2, 3]
+    left = slice(frame.camera.width // 4)
+    depth[:, left] *= (height + 0.2) / height
+    floor = FloorFinder().find(frame)
+    workspace = WorkspaceFinder(OBSTACLES).find(replace(frame, depth=depth), floor, GridSpec())
+    warnings = Doctor().examine_workspace(floor, workspace)
+    assert any("another surface lies" in warning for warning in warnings)

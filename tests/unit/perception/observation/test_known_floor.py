@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tests.unit.perception.synthetic import Box, camera_at, frame_of
 
-from scenefw import config
+from scenefw import config, plugins
 from scenefw.core.errors import ConfigError, InputError, SettingError
 from scenefw.data.files.readers import read_frames
 from scenefw.execution.build import Builder
@@ -48,6 +48,7 @@ def test_that_of_an_earlier_prediction(tmp_path):
 
 
 def test_from_the_command_line_and_for_sequences():
+    plugins.activate()  # which bring run=doctor
     camera = camera_at()
     normal, height = plane_of(camera)
     words = ["run=doctor", "input=x", "device=cpu", "floor=known"]
