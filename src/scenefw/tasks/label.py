@@ -179,6 +179,11 @@ class Label:
                     watcher.show(running.height_map(), _frames(self.start + number), frame)
                 if number % self.save_every == 0:
                     self._save(running, recording)
+        except InputError as error:
+            if not number:
+                raise
+            place = self.output / MAP
+            raise InputError(f"{error} (the map of the frames before it is {place})") from error
         finally:  # an interrupted run still saves its map
             if number:
                 seconds = time.perf_counter() - began

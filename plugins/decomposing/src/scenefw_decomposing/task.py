@@ -125,11 +125,17 @@ class Decompose:
         )
         if whole_scene.note:
             print(f"{whole_scene.name}: {whole_scene.note}")
+        for warning in whole_scene.warnings:  # first: it may say why the next step fails
+            print(f"{whole_scene.name}: {warning}", file=sys.stderr)
         views = self.pipeline.observe(whole_scene.frames)
-        for warning in (*whole_scene.warnings, *views.warnings):
+        for warning in views.warnings:
             print(f"{whole_scene.name}: {warning}", file=sys.stderr)
         with Console(stderr=True).status(f"{len(whole_scene.frames)} views: parts, then objects"):
             scanned_estimate = taken_apart(whole_scene, views, self.pipeline)
+        if whole_scene.mesh is not None and not scanned_estimate.objects:
+            width = float(np.ptp(whole_scene.mesh.vertices, axis=0).max())
+            line = f"the mesh is {width:.2f} m wide; if it isn't in metres, give run.mesh_scale"
+            print(f"{whole_scene.name}: {line}", file=sys.stderr)
         estimate = scanned_estimate
         if self.settling is not None:
             estimate = self.settling.settle([scanned_estimate])[0]

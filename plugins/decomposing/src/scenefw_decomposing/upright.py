@@ -7,7 +7,7 @@ from scipy.spatial import ConvexHull, QhullError
 from scipy.spatial.transform import Rotation
 
 from scenefw.core.types import Float64, TriangleMesh
-from scenefw.perception.observation.points import DRAWS, MAJORITY, MIN_PARALLEL_COSINE
+from scenefw.perception.observation.points import DRAWS, MAJORITY, MIN_PARALLEL_COSINE, MINORITY
 
 _POINTS = 20000
 _NEAR_AXIS = 10.0  # degrees: nearer, an axis of the file is meant
@@ -94,5 +94,7 @@ def _plane(points: Float64, normals: Float64, direction: Float64) -> tuple[Float
         return None
     outside = points[above] @ across.T @ edges[:, :2].T + edges[:, 2] > 0
     coverage = np.mean(~outside.any(axis=1))
-    # things stand on a table, but not on the side of a box, beyond which most of the scene lies
-    return (normal, int(on_plane.sum())) if coverage > MAJORITY else None
+    # Things stand on a table, but not on the side of a box, beyond which most of the scene lies. A
+    # mesh without a table may have such a side that covers most others, but hardly nearly all
+    min_coverage = MAJORITY if _faces_z(normal) else 1 - MINORITY
+    return (normal, int(on_plane.sum())) if coverage > min_coverage else None

@@ -36,6 +36,10 @@ _SCALE_KEYS = (
     "depth_scale", "depthScale", "png_depth_scale", "depth_units", "depth_unit", "depth_factor",
     "factor_depth", "DepthMapFactor",
 )  # fmt: skip
+_UNITS = {
+    "m": 1.0, "meter": 1.0, "meters": 1.0, "metre": 1.0, "metres": 1.0, "cm": 0.01, "mm": 0.001,
+    "millimeters": 0.001, "millimetres": 0.001,
+}  # fmt: skip
 _LENS_KEYS = (
     "distortion_coefficients", "distortion_coeffs", "dist_coeffs", "distCoeffs", "distortion",
     "coeffs", "D", "d",
@@ -242,7 +246,7 @@ def _with_details(
     matrix: NDArray[np.float64], content: Mapping[str, Any], name: str
 ) -> Calibration:
     """Size, lens and unit beside a matrix."""
-    scales = (_number(content, key) for key in _SCALE_KEYS)
+    scales = (_scale(content[key], key, name) for key in _SCALE_KEYS if key in content)
     scale = next((scale for scale in scales if scale is not None), None)
     size, lens, region = _size(content), _lens(content, name), content.get("roi")
     if isinstance(region, Mapping) and all(_size(region) or (0,)):
@@ -262,6 +266,19 @@ def _size(content: Mapping[str, Any]) -> tuple[int, int] | None:
         elif isinstance(value, Sequence) and not isinstance(value, str) and len(value) == 2:
             numbers.append((_number({"": value[0]}, ""), _number({"": value[1]}, "")))
     return next(((int(w), int(h)) for w, h in numbers if w is not None and h is not None), None)
+
+
+def _scale(value: Any, key: str, name: str) -> float | None:
+    """The number that a file calls so, of a unit in words, too; None says nothing."""
+    if value is None:
+        return None
+    text = str(value).strip().lower()
+    try:
+        return _UNITS[text] if text in _UNITS else float(value)
+    except (TypeError, ValueError) as error:
+        raise InputError(
+            f"{key} of {name} is {value!r}; expected metres per unit, such as 0.001"
+        ) from error
 
 
 def _number(content: Mapping[str, Any], key: str) -> float | None:

@@ -20,9 +20,13 @@ from scenefw.core.types import Float64, Frame
 _Pair: TypeAlias = tuple[int, Frame, int, Frame]  # numbers and frames of two views
 
 _GL_CAMERA = np.diag([1.0, -1.0, -1.0, 1.0])  # y up, z backward
+_P3D_CAMERA = np.diag([-1.0, -1.0, 1.0, 1.0])  # x left, y up
+_LEFT_HANDED = np.diag([1.0, -1.0, 1.0, 1.0])  # Unity: y up, z forward, in world and camera
 _TARGET_POINTS = 5000  # of each view
 _MIN_POINTS = 300  # of all pairs; fewer tell nothing
 _MAX_PAIRS = 6
+_MAX_CHECKED = 60  # views that are compared with their neighbours, of long recordings every few
+_MAX_NAMED = 3
 _MIN_MOTION, _MIN_TURN = 0.1, np.radians(10)  # m: by less, views agree whatever the convention
 _TOLERANCE = 0.015  # m: noise of depth cameras at 2 m and drift of tracking between neighbours
 _MIN_VOTES = 0.02  # share of the points on which two conventions differ; below, nothing tells
@@ -80,6 +84,7 @@ _STEPS: Sequence[Mapping[str, tuple[str, Callable[[Float64], Float64]]]] = (
     {
         "opengl": ("camera axes of OpenGL, ARKit or Blender", lambda pose: pose @ _GL_CAMERA),
         "ros": ("camera axes of ROS bodies (x forward)", lambda pose: pose @ _ROS_CAMERA),
+        "pytorch3d": ("camera axes of PyTorch3D (x left, y up)", lambda pose: pose @ _P3D_CAMERA),
     },
 )
 """By the words of the setting, in the order in which they are undone: what they say, and how a pose
@@ -99,7 +104,7 @@ def converted(pose: Float64, convention: str) -> Float64:
     Raises:
         InputError: there is no such convention.
     """
-    words = set(convention.split("+")) - {OPENCV}
+    words = set(str(convention).split("+")) - {OPENCV}
     names = [name for step in _STEPS for name in step]
     if not words <= set(names) or any(len(words & step.keys()) > 1 for step in _STEPS):
         raise InputError(
@@ -160,12 +165,52 @@ def check_conventions(
             f"given {_against(np.median(given[disputed]))}; {reading.fix}"
         )
     deviation = np.median(given)
-    if _MAX_DEVIATION < deviation < np.inf:
-        return (
-            f"neighbouring views agree to {_words(deviation)} only; check poses, intrinsics and "
-            "depth scale",
+    if deviation > _MAX_DEVIATION:
+        finding = (
+            f"neighbouring views agree to {_words(deviation)} only"
+            if np.isfinite(deviation)
+            else "neighbouring views don't show the same place"
         )
-    return ()
+        return (f"{finding}; check poses, intrinsics and depth scale",)
+    return _odd_poses(views, poses, names, float(deviation))
+
+
+def _odd_poses(
+    views: Views, poses: Sequence[Float64], names: Sequence[str], deviation: float
+) -> tuple[str, ...]:
+    """A line on views that contradict their neighbours, where most agree.
+
+    Args:
+        views: depth images.
+        poses: (4, 4) of all of them.
+        names: of the images.
+        deviation: by which neighbours agree in the median (m).
+    """
+    limit = max(_MAX_DEVIATION, _MIN_MAJORITY * deviation)
+    step = -(-len(poses) // _MAX_CHECKED)
+    numbers, contradicts = list(range(0, len(poses), step)), [False]
+    for first, second in itertools.pairwise(numbers):
+        try:
+            pair = (first, views[first], second, views[second])
+        except InputError:  # who reads it says so
+            contradicts.append(False)
+            continue
+        residuals = _residuals([pair], poses)
+        shown = residuals[np.isfinite(residuals)]
+        contradicts.append(len(shown) > _MIN_POINTS and float(np.median(shown)) > limit)
+    contradicts.append(False)
+    odd = [  # both neighbours of one whose pose is wrong differ from it
+        names[number]
+        for number, before, after in zip(numbers, contradicts, contradicts[1:], strict=False)
+        if before and after
+    ]
+    if not odd:
+        return ()
+    others = " and others" * (len(odd) > _MAX_NAMED)
+    return (
+        f"depth of {', '.join(odd[:_MAX_NAMED])}{others} contradicts the views before and after; "
+        "check these poses, or leave the images out",
+    )
 
 
 def _votes(given: Float64, residuals: Float64) -> tuple[int, int]:
@@ -202,7 +247,12 @@ def _readings(
             continue
         phrase = " and ".join(phrases[word] for word in words) or "poses as documented"
         yield _Reading(phrase, f"set run.poses={convention}", readings)
-    numbered = "begin each line of the poses with the name of its image"
+    transposed = [rigid(pose[:3, :3].T, pose[:3, 3]) for pose in poses]
+    yield _Reading("transposed rotations", "transpose the 3 x 3 part of each pose", transposed)
+    mirrored = [_LEFT_HANDED @ pose @ _LEFT_HANDED for pose in poses]
+    left_handed = "left-handed axes (y up, of Unity)"
+    yield _Reading(left_handed, "negate the second row and column of each pose", mirrored)
+    numbered = "begin each line of the poses with its image's name, or, in TUM's, shift the times"
     yield _Reading("each pose one image later", numbered, [poses[0], *poses[:-1]])
     yield _Reading("each pose one image earlier", numbered, [*poses[1:], poses[-1]])
     yield _Reading("poses in the reverse order", numbered, poses[::-1])

@@ -105,11 +105,11 @@ def _colour(
 
 def _size_of(path: Path) -> tuple[int, int]:
     """Width and height of a depth image, from its header if it has one."""
-    if path.suffix == ".exr":
+    if path.suffix.lower() == ".exr":
         height, width = read_exr(path).shape
         return width, height
     try:
-        if path.suffix == ".npy":
+        if path.suffix.lower() == ".npy":
             height, width = np.load(path, mmap_mode="r", allow_pickle=False).shape[:2]
             return int(width), int(height)
         with Image.open(path) as image:

@@ -114,7 +114,11 @@ class RGBDFolder(_Sequence):
         folder = path / "depth"
         if not folder.is_dir():
             raise InputError(f"no folder {folder}; expected depth/, rgb/ and poses.txt in {path}")
-        depths = [file for file in in_order(folder.iterdir()) if file.suffix in _DEPTHS]
+        depths = [
+            file
+            for file in in_order(folder.iterdir())
+            if file.suffix.lower() in _DEPTHS and not file.name.startswith(".")  # nor "._" of macOS
+        ]
         if not depths:
             raise InputError(
                 f"no depth image in {folder}; expected 16-bit .png, .npy or .exr files"
@@ -280,7 +284,7 @@ def _beside(path: Path, names: Sequence[str], depths: list[Path]) -> list[Path |
         return [None] * len(depths)
     images: list[Path | None] = []
     for depth in depths:
-        files = (folder / f"{depth.stem}{suffix}" for suffix in _IMAGES)
+        files = (folder / f"{depth.stem}{suffix}" for suffix in (*_IMAGES, depth.suffix))
         file = next((file for file in files if file.is_file()), None)
         if file is None:
             raise InputError(f"no image {folder / depth.stem}.png beside {depth}; add it")

@@ -125,13 +125,15 @@ class GeometricObstacles:
         for wall in walls:
             distance = wall.distance(places)
             mask |= np.abs(distance) < self.wall_distance
-            if np.mean(wall.distance(floor_places) < 0) < STRAYS:
+            if len(floor_places) and np.mean(wall.distance(floor_places) < 0) < STRAYS:
                 mask |= wall.beside(places) & (distance < 0)
         return mask & raised
 
 
 def _is_side(wall: Wall, floor: Float64) -> bool:
     """Whether a wall ends the floor (N, 2), along much of its side."""
+    if not len(floor):
+        return False
     along = floor @ np.array([-wall.normal[1], wall.normal[0]])
     return bool(
         wall.length > MAJORITY * np.ptp(np.quantile(along, (STRAYS, 1 - STRAYS)))

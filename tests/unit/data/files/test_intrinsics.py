@@ -95,3 +95,22 @@ def test_a_document_of_yaml_may_end(tmp_path):
     path.write_text(path.read_text() + "K: [1]\n")
     with pytest.raises(InputError, match="holds 2 documents of YAML; give one"):
         read_calibration(path)
+
+
+@pytest.mark.parametrize("scale", ["0.0002", 0.0002])
+def test_a_unit_in_text_is_the_same_unit(scale):
+    depth = np.rint(DEPTH * 5000).astype(np.uint16)
+    np.testing.assert_allclose(
+        frame_of(depth, {"K": K, "depth_scale": scale}).depth, DEPTH, atol=1e-4
+    )
+    in_millimetres = np.rint(DEPTH * 1000).astype(np.uint16)
+    np.testing.assert_allclose(
+        frame_of(in_millimetres, {"K": K, "depth_unit": "mm"}).depth, DEPTH, atol=1e-3
+    )
+
+
+@pytest.mark.parametrize("scale", ["furlongs", [0.001], {"value": 1}])
+def test_a_unit_that_is_none_is_one_line(scale):
+    depth, calibration = np.full(DEPTH.shape, 500, np.uint16), {"K": K, "depth_scale": scale}
+    with pytest.raises(InputError, match=r"depth_scale of view is .*; expected metres per unit"):
+        frame_of(depth, calibration, name="view")

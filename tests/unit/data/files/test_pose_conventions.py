@@ -7,13 +7,14 @@ import pytest
 from tests.unit.perception.synthetic import STACK, Box, camera_at, frame_of
 
 from scenefw.core.errors import InputError
-from scenefw.core.geometry import inverse, quaternion_from_rotation
+from scenefw.core.geometry import inverse, quaternion_from_rotation, rigid
 from scenefw.data.files.pose_conventions import check_conventions, converted
 from scenefw.data.files.sequences import open_sequence, write_sequence
 
 BOXES = (*STACK, Box((0.2, -0.1, 0.0), (0.3, 0.1, 0.25)), Box((-0.3, 0.1, 0.0), (-0.2, 0.3, 0.15)))
 GL = np.diag([1.0, -1.0, -1.0, 1.0])
 ROS = np.array([[0.0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]])
+P3D, UNITY = np.diag([-1.0, -1.0, 1.0, 1.0]), np.diag([1.0, -1.0, 1.0, 1.0])
 Y_UP = np.array([[1.0, 0, 0, 0.3], [0, 0, 1, 2], [0, -1, 0, 1], [0, 0, 0, 1]])
 
 
@@ -42,6 +43,7 @@ def with_quaternion(pose):
 CASES = {
     "opengl": lambda pose: pose @ GL,
     "ros": lambda pose: pose @ ROS,
+    "pytorch3d": lambda pose: pose @ P3D,
     "world_to_camera": inverse,
     "world_to_camera+opengl": lambda pose: inverse(pose @ GL),
     "quaternion_w_first": with_quaternion,
@@ -98,7 +100,7 @@ def test_poses_of_other_images_are_named(tmp_path, folder, order, words):
     path = rewritten(tmp_path, folder, order(open_sequence(folder).poses))
     with pytest.raises(InputError, match=words) as caught:
         open_sequence(path, largest_jump=None)
-    assert "begin each line of the poses with the name of its image" in str(caught.value)
+    assert "begin each line of the poses with its image's name" in str(caught.value)
 
 
 def test_poses_that_no_convention_explains_are_told(tmp_path, folder):
@@ -109,6 +111,34 @@ def test_poses_that_no_convention_explains_are_told(tmp_path, folder):
     [note] = open_sequence(rewritten(tmp_path, folder, wrong), largest_jump=None).notes
     assert "neighbouring views agree to" in note
     assert "check poses, intrinsics and depth scale" in note
+
+
+@pytest.mark.parametrize(
+    ("change", "words", "fix"),
+    [
+        (lambda pose: rigid(pose[:3, :3].T, pose[:3, 3]), "transposed rotations", "transpose the"),
+        (lambda pose: UNITY @ pose @ UNITY, "left-handed axes", "negate the second row and column"),
+    ],
+)
+def test_what_no_setting_undoes_is_named(tmp_path, folder, change, words, fix):
+    wrong = [change(pose) for pose in open_sequence(folder).poses]
+    with pytest.raises(InputError, match=f"with {words}.*{fix}"):
+        open_sequence(rewritten(tmp_path, folder, wrong), largest_jump=None)
+
+
+def test_a_single_wrong_pose_is_named(tmp_path, folder):
+    sequence = open_sequence(folder)
+    poses, middle = list(sequence.poses), len(sequence.poses) // 2
+    poses[middle] = rigid(np.eye(3), (0.0, 0.0, 0.2)) @ poses[middle]
+    [note] = open_sequence(rewritten(tmp_path, folder, poses), largest_jump=None).notes
+    assert f"depth of {sequence[middle].name} contradicts the views before and after" in note
+
+
+def test_views_of_different_places_are_told(tmp_path, folder):
+    sequence = open_sequence(folder)
+    apart = [rigid(np.eye(3), (1.0 * n, 0, 0)) @ p for n, p in enumerate(sequence.poses)]
+    [note] = open_sequence(rewritten(tmp_path, folder, apart), largest_jump=None).notes
+    assert "don't show the same place" in note
 
 
 def test_a_camera_that_stands_still_tells_nothing(folder):

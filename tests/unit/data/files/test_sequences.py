@@ -344,3 +344,13 @@ def test_a_full_disk_leaves_no_half_file(tmp_path, full_disk, size):
         write_sequence(tmp_path, frames())
     assert not list(tmp_path.iterdir())
     assert not list(tmp_path.parent.glob(f".{tmp_path.name}.*"))
+
+
+def test_hidden_files_are_no_images_and_suffixes_may_be_capitals(tmp_path):
+    write_sequence(tmp_path, frames(3))
+    for number, depth in enumerate(sorted((tmp_path / "depth").iterdir())):
+        depth.with_name(f"._{depth.name}").write_bytes(b"of another program")
+        if number == 1:
+            depth.rename(depth.with_suffix(".PNG"))
+    assert len(open_sequence(tmp_path)) == 3
+    assert open_sequence(tmp_path)[1].depth.any()

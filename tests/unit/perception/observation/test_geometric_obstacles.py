@@ -94,3 +94,11 @@ def test_the_mesh_of_a_surface_has_its_area(size):
     x, y = corners.T
     expected = abs(x @ np.roll(y, 1) - y @ np.roll(x, 1)) / 2
     assert area == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_wall_without_any_floor_ends_none():
+    frame = frame_of(camera_at(eye=(0.0, -1.0, 0.3)), [Box((-1, 0.5, 0.0), (1, 0.52, 1.5))])
+    points = world_points(replace(frame, camera=camera_at(eye=(0.0, -1.0, 0.3))))
+    raised = points[..., 2] > 0.015
+    nothing = np.zeros(raised.shape, dtype=bool)
+    assert isinstance(OBSTACLES.find(frame, points, raised, nothing), list | tuple)
