@@ -209,7 +209,7 @@ class Doctor:
         return Check.of(
             "measured",
             f"{'' if is_dense else 'only '}{measured_share:.0%} of the pixels have a depth",
-            "shiny, black or near things have none: change the view or the light; leave the table in",
+            "shiny, black or near things have none: change the view or light; leave the table in",
             is_good=is_dense,
         )
 
