@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from scenefw.data.files.readers import read_frame
+from scenefw.data.files.readers import read_labels
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -23,4 +23,4 @@ class StoredLabels:
         Raises:
             InputError: the file is damaged.
         """
-        return read_frame(image).labels
+        return read_labels(image)

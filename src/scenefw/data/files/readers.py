@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from scenefw.core.errors import InputError
-from scenefw.core.files import in_order, unreadable
+from scenefw.core.files import DAMAGED, in_order, unreadable
 from scenefw.core.types import Frame
 from scenefw.data.files.exr import read_exr
 from scenefw.data.files.frame_assembly import Content, assembled
@@ -141,6 +141,23 @@ def lens_of_image(path: Path, intrinsics: Intrinsics | None = None) -> Lens | No
         return None
     file = _beside(path, around)
     return None if file is None else read_calibration(file).lens
+
+
+def read_labels(path: Path | str) -> NDArray[np.int32] | None:
+    """The labels (H, W) of an image alone, as `read_frame` has them; None if it has none.
+
+    Raises:
+        InputError: the file is damaged.
+    """
+    path = Path(path)
+    if path.suffix.lower() != ".npz":
+        return None
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = {k: file[k] for k in ("instances", "label") if k in file.files}
+            return _npz_labels(arrays, path)
+    except DAMAGED as error:
+        raise InputError(f"cannot read {path}: {unreadable(error, _COMPLETE)}") from error
 
 
 def decode_labels(coded: Array) -> NDArray[np.int32]:

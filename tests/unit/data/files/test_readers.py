@@ -14,6 +14,7 @@ from scenefw.data.files.readers import (
     find_images,
     read_frame,
     read_frames,
+    read_labels,
 )
 
 K = np.array([[60.0, 0, 19.5], [0, 61.0, 14.5], [0, 0, 1]])
@@ -277,12 +278,13 @@ def test_images_come_in_the_order_of_their_numbers(tmp_path):
 @pytest.mark.parametrize("kind", damaged.KINDS)
 def test_damaged_archives_are_one_line(tmp_path, kind):
     path = damaged.write(tmp_path / "view.npz", kind, {"depth_mm": DEPTH, "K": K, "label": DEPTH})
-    with pytest.raises(InputError, match="cannot read") as error:
-        read_frame(path)
-    said = one_line(error)
-    pickled = kind == "pickled"
-    assert ("pickled objects, which are never loaded" in said) == pickled
-    assert ("is the file complete?" in said) != pickled
+    for read in (read_frame, read_labels):
+        with pytest.raises(InputError, match="cannot read") as error:
+            read(path)
+        said = one_line(error)
+        pickled = kind == "pickled"
+        assert ("pickled objects, which are never loaded" in said) == pickled
+        assert ("is the file complete?" in said) != pickled
 
 
 def test_pictures_too_large_to_be_true_are_one_line(tmp_path, monkeypatch):
