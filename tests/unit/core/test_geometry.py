@@ -86,3 +86,13 @@ def test_points_across_the_last_axis_are_an_error():
     images = np.random.default_rng(0).normal(size=(2, 5, 3))
     one = [[geometry.transform_points(np.diag([2.0, 3, 4, 1]), p) for p in row] for row in images]
     np.testing.assert_allclose(geometry.transform_points(np.diag([2.0, 3, 4, 1]), images), one)
+
+
+@given(arrays(float, (7, 3), elements=st.floats(-2, 2)), st.floats(-1, 1), st.floats(-1, 1))
+def test_boxes_by_columns_are_those_of_rows(points, low, high):
+    lowest, highest = geometry.bounds(points)
+    np.testing.assert_array_equal([lowest, highest], [points.min(axis=0), points.max(axis=0)])
+    corners = np.array([low, -1, low]), np.array([high, 1, 2])
+    expected = ((points >= corners[0]) & (points <= corners[1])).all(axis=1)
+    np.testing.assert_array_equal(geometry.within(points, *corners), expected)
+    assert not geometry.within(np.full((2, 3), np.nan), *corners).any()

@@ -283,6 +283,28 @@ def test_a_recording_that_jumps_or_changes_size(scenefw, tmp_path):
     assert "40 x 30" in complaint(scenefw, *WORDS, f"input={folder}")
 
 
+def test_an_error_in_the_middle_says_where_the_map_so_far_is(sequence, tmp_path):
+    class Failing:
+        def begin(self):
+            running = hybrid()["hybrid"].begin()
+            add, names = running.add, []
+
+            def failing(frame):
+                names.append(frame.name)
+                if len(names) == 3:
+                    raise InputError("the third frame is damaged")
+                add(frame)
+
+            running.add = failing
+            return running
+
+    with pytest.raises(
+        InputError, match=r"third .*\(the map of the frames before it is .*map\.npz"
+    ):
+        label(sequence, tmp_path, {"failing": Failing()}).run()
+    assert load_map(tmp_path / "map.npz").height_map.seen.any()
+
+
 def test_a_map_of_other_classes(scenefw, sequence, tmp_path):
     other = table()
     object.__setattr__(other, "classes", ("surface", "coin", "pen", "book"))

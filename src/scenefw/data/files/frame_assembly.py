@@ -117,7 +117,7 @@ def _without_placeholders(
     words = " and ".join(_stored(filler, values, unit) for filler in fillers)
     note = (
         f"depth of {words} counts as not measured: many pixels share it exactly, and nothing "
-        "else is near; store 0 there"
+        "beside them is near; store 0 there"
     )
     is_filler = np.isin(depth, np.array(fillers, np.float32))
     return np.where(is_filler, np.float32(0), depth), [note]

@@ -159,10 +159,11 @@ def _placeholder_within(depth: NDArray[np.float32]) -> float | None:
         return None
     sample = values[:: max(1, values.size // _SAMPLE)]
     distinct, counts = np.unique(sample, return_counts=True)
-    first, *others = np.argsort(-counts, kind="stable")[:2]
+    order = np.argsort(-counts, kind="stable")
+    first = order[0]
     if not _MIN_SHARED * sample.size < counts[first] < sample.size / 2:
         return None
-    if others and counts[others[0]] > counts[first] / 2:
+    if len(order) > 1 and counts[order[1]] > counts[first] / 2:
         return None
     value, nearer, neighbours = distinct[first], 0, 0
     if value == values.max():

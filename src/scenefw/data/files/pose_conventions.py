@@ -188,16 +188,18 @@ def _odd_poses(
     """
     limit = max(_MAX_DEVIATION, _MIN_MAJORITY * deviation)
     step = -(-len(poses) // _MAX_CHECKED)
-    numbers, contradicts = list(range(0, len(poses), step)), [False]
-    for first, second in itertools.pairwise(numbers):
+    numbers, frames = [], []
+    for number in range(0, len(poses), step):
         try:
-            pair = (first, views[first], second, views[second])
+            frames.append(views[number])
         except InputError:  # who reads it says so
-            contradicts.append(False)
             continue
-        residuals = _residuals([pair], poses)
-        shown = residuals[np.isfinite(residuals)]
-        contradicts.append(len(shown) > _MIN_POINTS and float(np.median(shown)) > limit)
+        numbers.append(number)
+    contradicts = [False]
+    for pair in itertools.pairwise(zip(numbers, frames, strict=True)):
+        residuals = _residuals([(*pair[0], *pair[1])], poses)
+        overlap = residuals[np.isfinite(residuals)]
+        contradicts.append(len(overlap) > _MIN_POINTS and float(np.median(overlap)) > limit)
     contradicts.append(False)
     odd = [  # both neighbours of one whose pose is wrong differ from it
         names[number]
@@ -206,9 +208,9 @@ def _odd_poses(
     ]
     if not odd:
         return ()
-    others = " and others" * (len(odd) > _MAX_NAMED)
+    suffix = " and others" * (len(odd) > _MAX_NAMED)
     return (
-        f"depth of {', '.join(odd[:_MAX_NAMED])}{others} contradicts the views before and after; "
+        f"depth of {', '.join(odd[:_MAX_NAMED])}{suffix} contradicts the views before and after; "
         "check these poses, or leave the images out",
     )
 
