@@ -1,9 +1,9 @@
 """Stacks per second on one core: rest detection against always simulating 1000 steps."""
 
 from benchmarks.harness import Job, Timed
-from scenefw.scenes.engines.pybullet_engine import PyBulletEngine
-from scenefw.scenes.stacks import StackGenerator
-from scenefw.shapes.library import SuperquadricLibrary
+from scenefw_simulators.engines.pybullet_engine import PyBulletEngine
+from scenefw_simulators.generation.library import SuperquadricLibrary
+from scenefw_simulators.generation.stacks import StackGenerator
 
 ATTEMPTS = 10
 

@@ -3,17 +3,17 @@
 import pytest
 from hydra.errors import InstantiationException
 from hydra.utils import instantiate
+from plugins.simulators.tests.scattering import Scattering
 from tests.composed import base
 from tests.unit.learning.plain import Network, task
-from tests.unit.tasks.scattering import Scattering
 
 from scenefw.core.errors import ConfigError
 from scenefw.learning.resumable import ResumableModule
 from scenefw.learning.runtime.trainer import TrainerSettings
 from scenefw.mapping.odometry import RGBDOdometry
 from scenefw.scenes.cameras import RandomViewpoints
-from scenefw.scenes.stacks import StackGenerator
 from scenefw.tasks.train import Train
+from scenefw_simulators.generation.stacks import StackGenerator
 
 
 @pytest.mark.parametrize(

@@ -4,11 +4,11 @@ import pytest
 
 from scenefw.core.errors import ConfigError, StorageError
 from scenefw.data.batches.stacks import StackScenes
-from scenefw.parallel.local import Local
 from scenefw.scenes.cameras import RandomViewpoints
 from scenefw_annotated_views.coco import COCO
 from scenefw_annotated_views.scenes import StackViews
 from scenefw_annotated_views.task import ExportDataset
+from scenefw_sweeps.local import Local
 
 
 def source(scenes=3):

@@ -3,13 +3,13 @@
 import numpy as np
 
 from scenefw.core.types import Pose, SceneObject
-from scenefw.scenes.engines.pybullet_engine import PyBulletEngine
 from scenefw.shapes.superquadric import Superquadric
 from scenefw_grasping.candidates import SuctionCandidates
 from scenefw_grasping.lifting import LiftSimulation
 from scenefw_grasping.panda import PandaArm
 from scenefw_grasping.ranking import SuctionGrasping
 from scenefw_grasping.suction import SuctionCup
+from scenefw_simulators.engines.pybullet_engine import PyBulletEngine
 
 EYE = np.array([0.3, -0.8, 0.9])
 

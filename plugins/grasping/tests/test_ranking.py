@@ -13,7 +13,7 @@ from scenefw_grasping.grasps import Grasp
 from scenefw_grasping.lifting import LiftSimulation
 from scenefw_grasping.panda import PandaArm
 from scenefw_grasping.suction import SuctionCup, frame_along
-from scenefw_simulators.mujoco_engine import MujocoEngine
+from scenefw_simulators.engines.mujoco_engine import MujocoEngine
 
 pytest.importorskip("pybullet", reason="needs pybullet (pip install 'scenefw[simulation]')")
 

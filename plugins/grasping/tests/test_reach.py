@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from scenefw.scenes.engines.pybullet_engine import PyBulletEngine
 from scenefw_grasping.panda import PandaArm
+from scenefw_simulators.engines.pybullet_engine import PyBulletEngine
 
 pytest.importorskip("pybullet", reason="needs pybullet (pip install 'scenefw[simulation]')")
 

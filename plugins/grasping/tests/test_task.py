@@ -9,11 +9,11 @@ from tests.unit.tasks.test_predict import save
 
 from scenefw.core.geometry import rigid, rotation_from_quaternion
 from scenefw.core.types import GridSpec
-from scenefw.perception.physics.bodies import BodyMaker
 from scenefw.tasks.predict import Predict
 from scenefw_grasping.grasps import Ranking
 from scenefw_grasping.report import films
 from scenefw_grasping.task import Grasp
+from scenefw_simulators.body_maker import BodyMaker
 
 pytest.importorskip("pybullet", reason="needs pybullet (pip install 'scenefw[simulation]')")
 

@@ -5,9 +5,9 @@ import torch
 from tests.unit.data.rectangles import Rectangles
 
 from scenefw.core.errors import ConfigError
-from scenefw.parallel.local import Local
 from scenefw_labelling_studies.pack_maps import PackMaps
 from scenefw_labelling_studies.packed_maps import PackedMaps
+from scenefw_sweeps.local import Local
 from scenefw_tabletops.data.map_crops import StoredMaps
 
 

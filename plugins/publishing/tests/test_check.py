@@ -54,7 +54,7 @@ def test_measures_and_writes_a_page(tmp_path):
 
 def test_stored_scenes_that_stand_do_not_move(tmp_path):
     pytest.importorskip("pybullet", reason="needs pybullet (pip install 'scenefw[simulation]')")
-    from scenefw.scenes.engines.pybullet_engine import PyBulletEngine
+    from scenefw_simulators.engines.pybullet_engine import PyBulletEngine
 
     path = saved(tmp_path, box(0.05), box(0.15, 0.01))
     figures = Check(PyBulletEngine(), str(path), page=str(tmp_path / "page.md")).run()

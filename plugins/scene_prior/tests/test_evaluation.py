@@ -18,7 +18,6 @@ from scenefw.learning.checkpoint import Checkpoint
 from scenefw.report.blocks import Picture
 from scenefw.report.presentation import Chapter
 from scenefw.scenes.cameras import RandomViewpoints
-from scenefw.scenes.engines.pybullet_engine import PyBulletEngine
 from scenefw.shapes.superquadric import Superquadric
 from scenefw_scene_prior.evaluation import SetPriorEvaluation
 from scenefw_scene_prior.left_to_gravity import Gravity, objects_of
@@ -32,6 +31,7 @@ from scenefw_scene_prior.scene_numbers import (
     quantities,
     shared_volume,
 )
+from scenefw_simulators.engines.pybullet_engine import PyBulletEngine
 
 pytest.importorskip("pybullet", reason="needs pybullet (pip install 'scenefw[simulation]')")
 

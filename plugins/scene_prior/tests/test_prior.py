@@ -9,10 +9,10 @@ import torch
 from scenefw.core.errors import ConfigError
 from scenefw.core.set_flows import SetFlowBatch
 from scenefw.core.types import GridSpec
-from scenefw.perception.physics.bodies import BodyMaker
-from scenefw.perception.physics.settling import PhysicalSettling
-from scenefw.scenes.engines.pybullet_engine import PyBulletEngine
 from scenefw_scene_prior.prior import ScenePrior
+from scenefw_simulators.body_maker import BodyMaker
+from scenefw_simulators.engines.pybullet_engine import PyBulletEngine
+from scenefw_simulators.settling import PhysicalSettling
 
 GRID = GridSpec(48)
 HALF = 0.05  # m, of the blocks

@@ -9,7 +9,7 @@ import pytest
 from scenefw.core.errors import MissingDependencyError
 from scenefw.core.types import Pose, Scene, SceneObject
 from scenefw.shapes.superquadric import Superquadric
-from scenefw_simulators.mujoco_engine import MujocoEngine
+from scenefw_simulators.engines.mujoco_engine import MujocoEngine
 
 pytest.importorskip("mujoco", reason="needs mujoco (pip install 'scenefw[mujoco]')")
 

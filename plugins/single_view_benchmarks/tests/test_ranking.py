@@ -12,11 +12,11 @@ from scenefw.core.types import GridSpec
 from scenefw.data.batches.stacks import StackScenes, shipped_scenes
 from scenefw.evaluation.kept_rows import KeptRows
 from scenefw.mapping.projective import Projective
-from scenefw.perception.physics.bodies import BodyMaker
 from scenefw.renderers.sphere_tracer import SphereTracer
 from scenefw.report.presentation import Chapter
 from scenefw.scenes.cameras import RandomViewpoints
-from scenefw.scenes.engines.pybullet_engine import PyBulletEngine
+from scenefw_simulators.body_maker import BodyMaker
+from scenefw_simulators.engines.pybullet_engine import PyBulletEngine
 from scenefw_single_view_benchmarks.ranking import RankingEvaluation
 from scenefw_single_view_benchmarks.ranking_results import RankingResult, ViewChoices
 

@@ -15,9 +15,9 @@ from scenefw.mapping.projective import Projective
 from scenefw.renderers.sphere_tracer import SphereTracer
 from scenefw.representations.volumes import scene_volumes
 from scenefw.scenes.cameras import RandomViewpoints
-from scenefw.scenes.engines.pybullet_engine import PyBulletEngine
-from scenefw.scenes.simulation import motions
 from scenefw.shapes.superquadric import Superquadric
+from scenefw_simulators.engines.pybullet_engine import PyBulletEngine
+from scenefw_simulators.motions import motions
 from scenefw_single_view_benchmarks.report.stability import stability_table
 from scenefw_single_view_benchmarks.stability import StabilityEvaluation
 from scenefw_single_view_benchmarks.stability_results import Pile

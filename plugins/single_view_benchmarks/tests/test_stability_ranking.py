@@ -3,12 +3,12 @@
 from dataclasses import replace
 
 import pytest
-from tests.unit.perception.physics.test_settling import HALF, estimate
+from plugins.simulators.tests.test_settling import HALF, estimate
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.types import TriangleMesh
-from scenefw.perception.physics.bodies import BodyMaker
-from scenefw.scenes.engines.pybullet_engine import PyBulletEngine
+from scenefw_simulators.body_maker import BodyMaker
+from scenefw_simulators.engines.pybullet_engine import PyBulletEngine
 from scenefw_single_view_benchmarks.stability_ranking import StabilityRanking
 
 STANDS = (0.2, 0, HALF), (-0.1, 0, HALF)

@@ -11,9 +11,9 @@ from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.types import Camera, Frame, Pose, TriangleMesh
 from scenefw.perception.estimate.objects import estimate_objects
 from scenefw.perception.estimate.shape_cues import CUES
-from scenefw.perception.physics.bodies import BodyMaker
 from scenefw_annotated_views.annotations import AnnotatedObject, AnnotatedView
 from scenefw_annotated_views.silhouettes import SolidViews
+from scenefw_simulators.body_maker import BodyMaker
 from scenefw_single_view_benchmarks import things
 from scenefw_single_view_benchmarks.confidence_results import ObjectConfidence
 from scenefw_single_view_benchmarks.optional_views import posed_folder

@@ -1,12 +1,12 @@
 """A Dask cluster of this machine: same results as a loop, also when a worker is killed."""
 
 import pytest
-from tests.unit.parallel.work import mortal, square
-from tests.unit.tasks.scattering import Scattering, generated
+from plugins.simulators.tests.scattering import Scattering, generated
+from plugins.sweeps.tests.work import mortal, square
 
 from scenefw.core.errors import ConfigError
-from scenefw.scenes import statistics
 from scenefw.scenes.storage import load_scenes
+from scenefw_simulators.generation import statistics
 from scenefw_sweeps.dask import Dask
 
 distributed = pytest.importorskip("distributed", reason="needs Dask (pip install 'scenefw[dask]')")

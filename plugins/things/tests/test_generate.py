@@ -8,7 +8,7 @@ from PIL import Image
 
 from scenefw import registry
 from scenefw.core.errors import ConfigError
-from scenefw.parallel.local import Local
+from scenefw_sweeps.local import Local
 from scenefw_things.draw import DrawThings
 from scenefw_things.generate import GenerateThings
 from scenefw_things.scenes.generator import ThingScenes

@@ -2,6 +2,8 @@
 
 from typing import NotRequired, TypedDict
 
+from scenefw.core.types import SceneEstimate
+
 
 class SettledObject(TypedDict):
     """How one object came to rest; it `moved` and `turned`, or `stays`, or stays after it did."""
@@ -31,3 +33,14 @@ class Settled(TypedDict):
     """The scene's number, from 1, among those that were given."""
     reason: NotRequired[str]
     """Why nothing was settled; there if `objects` is empty."""
+
+
+def words(scene: SceneEstimate) -> str:
+    """One line: how far the objects of a settled scene moved, and which stayed, and why."""
+    facts = scene.details["settled"]
+    parts = []
+    for row in facts["objects"]:
+        distance = f"{100 * row['moved']:.1f} cm and {row['turned']:.0f}°" if "moved" in row else ""
+        stays = f"stays as it was ({row['stays']})" if "stays" in row else f"moved {distance}"
+        parts.append(f"object {row['id']} {stays}")
+    return "settled: " + ("; ".join(parts) or facts["reason"])

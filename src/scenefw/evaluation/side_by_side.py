@@ -13,7 +13,7 @@ import numba
 import torch
 
 from scenefw.core.protocols import Track
-from scenefw.parallel.threads import compute_with, threads
+from scenefw.kernels.threads import compute_with, threads
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")

@@ -26,7 +26,7 @@ def threads(count: int | None, *, yields: bool) -> Iterator[None]:
             count = max(int(limit.cores), 1)
     with ExitStack() as stack:
         if count is not None:
-            from scenefw.parallel import threads as pools
+            from scenefw.kernels import threads as pools
 
             stack.enter_context(pools.threads(count))
         stack.enter_context(yielding(torch.get_num_threads, enabled=yields))

@@ -13,10 +13,10 @@ from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.files import require_writable
 from scenefw.core.folders import replacing_folder, require_replaceable
 from scenefw.core.protocols import ObjectTracking, SceneFormat, Settling
+from scenefw.core.settled import words as settled_words
 from scenefw.core.types import Float32, Float64, Frame, SceneEstimate
 from scenefw.data.files.camera_pose import camera_pose_of
 from scenefw.perception.estimate.base_frame import with_camera_in_base
-from scenefw.perception.physics.settling import words as settled_words
 from scenefw.perception.pipeline import ReconstructionPipeline
 from scenefw.report.hypotheses import draw_hypotheses
 from scenefw.report.overview import write_overview

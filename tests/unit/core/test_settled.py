@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from scenefw.core.settled import Settled
+from scenefw.core.settled import Settled, words
 from scenefw.core.types import Camera, Frame, GridSpec, SceneEstimate
-from scenefw.perception.physics.settling import words
 
 
 def scene(settled: Settled) -> SceneEstimate:

@@ -12,7 +12,7 @@ from scenefw.core.geometry import random_quaternion
 from scenefw.core.types import Pose, Scene, SceneObject
 from scenefw.scenes import storage
 from scenefw.scenes.splits import SPLITS
-from scenefw.shapes.library import SuperquadricLibrary
+from scenefw_simulators.generation.library import SuperquadricLibrary
 
 
 def scenes(count, seed=0, most=4):

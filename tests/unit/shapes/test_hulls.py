@@ -5,8 +5,8 @@ import pytest
 
 from scenefw.core.types import TriangleMesh
 from scenefw.shapes.hulls import collision_hull
-from scenefw.shapes.library import SuperquadricLibrary
 from scenefw.shapes.superquadric import Superquadric
+from scenefw_simulators.generation.library import SuperquadricLibrary
 
 TOLERANCE, MARGIN = 1e-3, 1e-3
 

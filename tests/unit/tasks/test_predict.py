@@ -13,10 +13,10 @@ from scenefw.core.types import GridSpec
 from scenefw.export.superquadrics import Superquadrics
 from scenefw.learning.checkpoint import save_checkpoint
 from scenefw.models.shape_instance_vae import ShapeInstanceVAE
-from scenefw.perception.physics.bodies import BodyMaker
-from scenefw.perception.physics.settling import PhysicalSettling
-from scenefw.scenes.engines.pybullet_engine import PyBulletEngine
 from scenefw.tasks.predict import Predict
+from scenefw_simulators.body_maker import BodyMaker
+from scenefw_simulators.engines.pybullet_engine import PyBulletEngine
+from scenefw_simulators.settling import PhysicalSettling
 from scenefw_simulators.urdf import URDF
 
 CAMERA = camera_at(eye=(0.0, -0.85, 0.6), size=(160, 120))

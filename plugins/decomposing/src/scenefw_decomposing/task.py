@@ -15,9 +15,9 @@ from scenefw.core.errors import ConfigError
 from scenefw.core.files import require_apart, require_writable
 from scenefw.core.folders import replacing_folder, require_replaceable
 from scenefw.core.settings import COUNT, POSITIVE
+from scenefw.core.settled import words as settled_words
 from scenefw.core.types import TriangleMesh
 from scenefw.export.meshes import write_ply
-from scenefw.perception.physics.settling import words as settled_words
 from scenefw.report.overview import write_overview
 from scenefw.report.page import write_scene_page
 from scenefw.report.scenes3d import Scene3D, layer, packed

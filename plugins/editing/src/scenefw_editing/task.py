@@ -12,8 +12,8 @@ from scenefw.core.errors import ConfigError
 from scenefw.core.files import require_writable
 from scenefw.core.folders import replacing_folder, require_replaceable
 from scenefw.core.protocols import SceneFormat, Settling
+from scenefw.core.settled import words as settled_words
 from scenefw.core.types import SceneEstimate
-from scenefw.perception.physics.settling import words as settled_words
 from scenefw.report.blocks import Section
 from scenefw.report.console import print_tables
 from scenefw.report.page import write_scene_page

@@ -26,12 +26,12 @@ from scenefw.data.batches.stacks import SceneSet
 from scenefw.data.batches.views import ViewMaker, Viewpoints
 from scenefw.kernels.cameras import camera_of
 from scenefw.matching.instances import renumbered_like
-from scenefw.perception.physics.bodies import Bodies, BodyMaker
 from scenefw.postprocessing.surfaces import instance_meshes
 from scenefw_grasping.choices import Tried
 from scenefw_grasping.grasps import Film, Lift, RankedGrasp, Ranking
 from scenefw_grasping.protocols import Grasping
 from scenefw_grasping.results import GraspExample, GraspingResult, SceneGrasps
+from scenefw_simulators.body_maker import Bodies, BodyMaker
 
 _STREAM = 1  # the views on which reconstruction is scored
 _OTHER = "another object came up"

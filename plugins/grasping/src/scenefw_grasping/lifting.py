@@ -13,12 +13,12 @@ from scenefw.core.errors import ConfigError
 from scenefw.core.geometry import inverse
 from scenefw.core.settings import COUNT, POSITIVE
 from scenefw.core.types import Float64, SceneObject, Shape, TriangleMesh
-from scenefw.scenes.engines.pybullet_engine import PyBulletEngine
 from scenefw.shapes.superquadric import Superquadric
 from scenefw_grasping.grasps import Film, Grasp, Lift
 from scenefw_grasping.panda import Arm, PandaArm
 from scenefw_grasping.suction import Meeting, SuctionCup
 from scenefw_grasping.surfaces import Surfaces
+from scenefw_simulators.engines.pybullet_engine import PyBulletEngine
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -10,10 +10,10 @@ import numpy as np
 from scenefw.core.geometry import inverse
 from scenefw.core.settings import COUNT, POSITIVE
 from scenefw.core.types import Float64, SceneObject, TriangleMesh
-from scenefw.scenes.simulation import motions
 from scenefw_grasping.candidates import SuctionCandidates
 from scenefw_grasping.grasps import Grasp, Lift, RankedGrasp, Ranking
 from scenefw_grasping.lifting import LiftSimulation
+from scenefw_simulators.motions import motions
 
 
 class SuctionGrasping:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from scenefw.perception.physics.bodies import BodyMaker
 from scenefw_grasping.protocols import Grasping
 from scenefw_grasping.task import rank, summarise_grasps
+from scenefw_simulators.body_maker import BodyMaker
 
 if TYPE_CHECKING:
     from scenefw_serving.image_request import ImageRequest

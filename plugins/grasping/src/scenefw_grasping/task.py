@@ -16,7 +16,6 @@ from scenefw.core.types import Float64, Pose, SceneEstimate
 from scenefw.core.versions import versions
 from scenefw.export.summary import plain
 from scenefw.perception.estimate.base_frame import FLOOR_IN_BASE, floor_pose, in_base
-from scenefw.perception.physics.bodies import BodyMaker
 from scenefw.report.pictures import save_picture
 from scenefw.report.tables import Table, to_console
 from scenefw.tasks.predict import Predict
@@ -25,6 +24,7 @@ from scenefw_grasping.grasps import RankedGrasp, Ranking
 from scenefw_grasping.protocols import Grasping
 from scenefw_grasping.report.films import film_pictures, save_film
 from scenefw_grasping.report.pictures import draw_ranking, grasp_table
+from scenefw_simulators.body_maker import BodyMaker
 
 _UP = np.array([0.0, 0.0, 1.0])
 

@@ -13,9 +13,9 @@ from scenefw.core.files import write_text
 from scenefw.core.protocols import Engine
 from scenefw.core.types import Scene
 from scenefw.data.batches.stacks import data_file
-from scenefw.scenes import statistics
 from scenefw.scenes.storage import StoredScenes, load_manifest, load_scenes
 from scenefw_publishing.scene_checks import deepest_penetration
+from scenefw_simulators.generation import statistics
 
 
 class Check:

@@ -10,7 +10,7 @@ import numpy as np
 from scenefw.core.errors import MissingDependencyError
 from scenefw.core.files import replacing
 from scenefw.export.surface_colours import surface_colours
-from scenefw.perception.physics.support_graph import FLOOR, support_graph
+from scenefw.perception.physics.support_graph import support_graph
 from scenefw.report.palette import colours_of
 from scenefw_viewer.map_surface import looks, surface
 
@@ -169,6 +169,7 @@ def _table(scene: SceneEstimate) -> str:
     lines = ["| object | size (cm) | confidence | stands on |", "| --- | --- | --- | --- |"]
     for item in scene.objects:
         size = " × ".join(f"{100 * side:.0f}" for side in item.extents)
-        below = ", ".join("floor" if k == FLOOR else str(k) for k in graph.stands_on[item.id])
-        lines.append(f"| {item.id} | {size} | {item.confidence:.0%} | {below} |")
+        lines.append(
+            f"| {item.id} | {size} | {item.confidence:.0%} | {graph.support_of(item.id)} |"
+        )
     return "\n".join([*lines, "", f"take away {' → '.join(map(str, graph.removal_order()))}"])

@@ -11,15 +11,15 @@ import torch
 from scenefw.core import geometry
 from scenefw.core.batches import SceneParameters
 from scenefw.core.types import PlacedShape, Pose, SceneObject
-from scenefw.scenes.simulation import motions
 from scenefw.shapes.superquadric import Superquadric
 from scenefw_scene_prior.pushing_apart import pushed_apart
+from scenefw_simulators.motions import motions
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from scenefw.core.protocols import Engine
-    from scenefw.scenes.simulation import Motion
+    from scenefw_simulators.motions import Motion
 
 _DENSITY = 500.0  # kg/m^3
 

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from scenefw.scenes.simulation import motions
+from scenefw_simulators.motions import motions
 
 if TYPE_CHECKING:
     from scenefw.core.protocols import Engine
     from scenefw.core.types import SceneEstimate
-    from scenefw.perception.physics.bodies import BodyMaker
+    from scenefw_simulators.body_maker import BodyMaker
 
 
 class Displacement(NamedTuple):

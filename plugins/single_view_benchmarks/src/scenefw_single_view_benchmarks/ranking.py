@@ -41,8 +41,8 @@ if TYPE_CHECKING:
     from scenefw.data.batches.stacks import SceneSet
     from scenefw.data.batches.views import ViewBatch
     from scenefw.evaluation.kept_rows import KeptRows
-    from scenefw.perception.physics.bodies import BodyMaker
     from scenefw.perception.pipeline import ReconstructionPipeline
+    from scenefw_simulators.body_maker import BodyMaker
 
 _VIEWS, _CODES = 51, 52  # random streams
 _DRAW = "draw"  # key in details that says which draw a scene is

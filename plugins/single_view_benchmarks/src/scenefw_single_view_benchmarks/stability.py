@@ -27,9 +27,9 @@ from scenefw.evaluation.side_by_side import collected
 from scenefw.evaluation.stacks.published import published_of
 from scenefw.evaluation.stacks.seen_scenes import SceneViews, SeenScene, Streams
 from scenefw.evaluation.stacks.visibility import VisibleSurface, visible_share
-from scenefw.perception.physics.bodies import Bodies, BodyMaker
 from scenefw.postprocessing.surfaces import instance_meshes
-from scenefw.scenes.simulation import motions
+from scenefw_simulators.body_maker import Bodies, BodyMaker
+from scenefw_simulators.motions import motions
 from scenefw_single_view_benchmarks.stability_results import TRUTH, Pile, StabilityResult, ViewPiles
 
 _STREAMS = Streams(1, 2, 3)  # the views on which reconstruction is scored

@@ -13,8 +13,8 @@ if TYPE_CHECKING:
 
     from scenefw.core.protocols import Engine
     from scenefw.core.types import SceneEstimate
-    from scenefw.perception.physics.bodies import BodyMaker
     from scenefw.perception.ranking.by_evidence import EvidenceRanking
+    from scenefw_simulators.body_maker import BodyMaker
 
 
 class StabilityRanking:

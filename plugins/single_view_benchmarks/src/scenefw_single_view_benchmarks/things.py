@@ -13,8 +13,8 @@ from scenefw.core.settings import NOT_NEGATIVE, POSITIVE, at_least
 from scenefw.evaluation.scored_scenes import scored_scenes
 from scenefw.metrics.object_sets import energy_score
 from scenefw.perception.physics import contacts
-from scenefw.perception.physics.bodies import BodyMaker
-from scenefw.scenes.simulation import motions
+from scenefw_simulators.body_maker import BodyMaker
+from scenefw_simulators.motions import motions
 from scenefw_single_view_benchmarks.confidence_results import ObjectConfidence
 from scenefw_single_view_benchmarks.mask_scores import mask_scores
 from scenefw_single_view_benchmarks.object_shapes import SolidShape, shape_scores

@@ -12,7 +12,7 @@ from scenefw.core.made_of import settings_of
 from scenefw.core.protocols import Workers
 from scenefw.core.settings import COUNT
 from scenefw.core.versions import installed
-from scenefw.tasks.shards import Shard, Shards
+from scenefw_simulators.generation.shards import Shard, Shards
 from scenefw_things.scenes.generator import ThingScenes
 from scenefw_things.scenes.scene import OBJECT, load_scenes, save_scenes
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import html
 from typing import TYPE_CHECKING
 
-from scenefw.perception.physics.support_graph import FLOOR
 from scenefw.report.palette import instance_colours
 from scenefw_editing import sizes
 
@@ -49,7 +48,7 @@ def _row(edits: Edits, label: int, supports: SupportGraph) -> str:
         sizes.size(item),
         f"{1000 * sizes.volume(item.mesh):.2f} l",
         "removed" if is_removed else f"{item.confidence:.0%}",
-        ", ".join("floor" if below == FLOOR else str(below) for below in supports.stands_on[label]),
+        supports.support_of(label),
     )
     style = " style='opacity:0.45'" if is_removed else ""
     return f"<tr{style}>{square}" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>"

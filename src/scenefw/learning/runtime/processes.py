@@ -15,7 +15,7 @@ import torch
 from lightning.fabric.plugins.environments.lightning import find_free_network_port
 
 from scenefw.core.errors import ConfigError, SceneFWError, TrainingError
-from scenefw.parallel.threads import threads
+from scenefw.kernels.threads import threads
 
 _RANK = "LOCAL_RANK"
 _GRACE = 20.0  # seconds in which this process should notice by itself that another one failed

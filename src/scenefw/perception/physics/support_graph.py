@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -23,10 +23,6 @@ if TYPE_CHECKING:
     from scenefw.core.types import Float64, ObjectEstimate
 
 
-FLOOR = 0
-"""Stands for the floor among ids of objects."""
-
-
 @dataclass(frozen=True, eq=False)
 class SupportGraph:
     """Contacts of objects with what is below them, and what follows for taking them away.
@@ -41,6 +37,8 @@ class SupportGraph:
         heights: of the top of each object (m).
     """
 
+    FLOOR: ClassVar[int] = 0  # stands for the floor among ids of objects
+
     contacts: Mapping[int, Mapping[int, Float64]]
     centres: Mapping[int, Float64]
     heights: Mapping[int, float]
@@ -49,6 +47,10 @@ class SupportGraph:
     def stands_on(self) -> dict[int, tuple[int, ...]]:
         """What each object touches from above; `FLOOR` for the floor, nothing if it hovers."""
         return {label: tuple(sorted(below)) for label, below in self.contacts.items()}
+
+    def support_of(self, label: int) -> str:
+        """What an object stands on, in words: `floor, 3`; nothing if it hovers."""
+        return ", ".join("floor" if k == self.FLOOR else str(k) for k in self.stands_on[label])
 
     def falls(self, label: int, gone: Collection[int] = ()) -> tuple[int, ...]:
         """Objects that nothing carries any more if one goes, and those that fall with them.
@@ -116,7 +118,7 @@ def _contacts(label: int, solids: Mapping[int, MeshDistances]) -> dict[int, Floa
     rests = _rests(upper)
     if upper.low[2] <= DETAIL:
         vertices = upper.vertices
-        contacts[FLOOR] = vertices[vertices[:, 2] <= upper.low[2] + DETAIL, :2]
+        contacts[SupportGraph.FLOOR] = vertices[vertices[:, 2] <= upper.low[2] + DETAIL, :2]
     for below, lower in solids.items():
         if below == label:
             continue

@@ -11,18 +11,18 @@ from scenefw.data.batches.mesh_stacks import MeshStacks, scene_set
 from scenefw.data.batches.stacks import StackScenes
 from scenefw.data.batches.views import ViewMaker
 from scenefw.mapping.projective import Projective
-from scenefw.parallel.local import Local
 from scenefw.renderers.sphere_tracer import SphereTracer
 from scenefw.representations.mesh_volumes import ExactSolids, SolidScenes
 from scenefw.representations.volumes import scene_volumes
 from scenefw.scenes.cameras import RandomViewpoints
-from scenefw.scenes.engines.pybullet_engine import PyBulletEngine
-from scenefw.scenes.stacks import StackGenerator
 from scenefw.scenes.storage import concatenate, load_scenes, pack, save_scenes
 from scenefw.shapes.solid_mesh import SolidMesh
 from scenefw.shapes.superquadric import Superquadric
-from scenefw.tasks.generate import Generate
+from scenefw_simulators.engines.pybullet_engine import PyBulletEngine
+from scenefw_simulators.generation.generate import Generate
+from scenefw_simulators.generation.stacks import StackGenerator
 from scenefw_single_view_benchmarks.mesh_solids import MeshSolids
+from scenefw_sweeps.local import Local
 
 GRID = GridSpec(resolution=48)
 UPRIGHT = np.array([1.0, 0, 0, 0])

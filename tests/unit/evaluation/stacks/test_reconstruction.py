@@ -17,7 +17,6 @@ from scenefw.evaluation.stacks.training_mean import TrainingMean
 from scenefw.evaluation.stacks.visibility import shown_pixels
 from scenefw.kernels.superquadric_rays import first_hits
 from scenefw.mapping.projective import Projective
-from scenefw.parallel.local import Local
 from scenefw.perception.completion.partial_surface import PartialSurface
 from scenefw.postprocessing.connected_components import ConnectedComponents
 from scenefw.postprocessing.hough_voting import HoughVoting
@@ -25,6 +24,7 @@ from scenefw.renderers.sphere_tracer import SphereTracer
 from scenefw.report.stacks.reconstruction import as_thesis, reconstruction_sections
 from scenefw.representations.volumes import scene_volumes
 from scenefw.scenes.cameras import RandomViewpoints
+from scenefw_sweeps.local import Local
 
 SCENES = 2
 pytestmark = pytest.mark.skipif(not shipped_scenes().exists(), reason="no shipped data set")

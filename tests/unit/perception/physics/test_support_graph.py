@@ -4,9 +4,9 @@ from tests.unit.perception.edited_scenes import box
 
 from scenefw.core.types import SceneObject
 from scenefw.perception.estimate.objects import estimate_objects
-from scenefw.perception.physics.bodies import BodyMaker
-from scenefw.perception.physics.support_graph import FLOOR, support_graph
-from scenefw.scenes.simulation import motions
+from scenefw.perception.physics.support_graph import SupportGraph, support_graph
+from scenefw_simulators.body_maker import BodyMaker
+from scenefw_simulators.motions import motions
 
 
 def graph_of(*boxes):
@@ -20,7 +20,7 @@ FOOT = (0.1, 0.1, 0.1)
 
 def test_a_tower_falls_from_where_something_goes():
     graph = graph_of((FOOT, (0, 0, 0.05)), (FOOT, (0, 0, 0.15)), (FOOT, (0.02, 0, 0.25)))
-    assert graph.stands_on == {1: (FLOOR,), 2: (1,), 3: (2,)}
+    assert graph.stands_on == {1: (SupportGraph.FLOOR,), 2: (1,), 3: (2,)}
     assert [graph.falls(label) for label in (1, 2, 3)] == [(2, 3), (3,), ()]
     assert graph.removal_order() == (3, 2, 1)
 
@@ -39,9 +39,9 @@ def test_a_bridge_needs_both_of_its_feet_and_a_table_two_of_three():
 
 def test_what_stands_side_by_side_carries_nothing():
     beside = graph_of((FOOT, (0, 0, 0.05)), (FOOT, (0.098, 0, 0.0495)))  # 2 mm into each other
-    assert beside.stands_on == {1: (FLOOR,), 2: (FLOOR,)}
+    assert beside.stands_on == {1: (SupportGraph.FLOOR,), 2: (SupportGraph.FLOOR,)}
     low = graph_of((FOOT, (0, 0, 0.049)), ((0.1, 0.1, 0.02), (0.098, 0, 0.01)))
-    assert low.stands_on == {1: (FLOOR,), 2: (FLOOR,)}
+    assert low.stands_on == {1: (SupportGraph.FLOOR,), 2: (SupportGraph.FLOOR,)}
 
 
 def test_predictions_that_hover_or_sink_a_little_are_carried():
@@ -57,7 +57,7 @@ def test_what_leans_out_too_far_falls_with_its_counterweight():
     base, weight = (FOOT, (0, 0, 0.05)), ((0.1, 0.1, 0.05), (-0.06, 0, 0.145))
     plank = ((0.3, 0.1, 0.02), (0.08, 0, 0.11))
     graph = graph_of(base, plank, weight)
-    assert graph.stands_on == {1: (FLOOR,), 2: (1,), 3: (2,)}
+    assert graph.stands_on == {1: (SupportGraph.FLOOR,), 2: (1,), 3: (2,)}
     assert graph.falls(1) == (2, 3)
 
 
@@ -88,7 +88,7 @@ PLANKS = [(0.5, 0.2), (0.3, 0.1), (0.1, 0.0), (0.3, 0.3), (0.14, 0.2), (0.46, 0.
 @pytest.mark.parametrize(("length", "middle"), PLANKS)
 def test_what_falls_in_a_simulation_is_what_the_graph_says(length, middle):
     pytest.importorskip("pybullet", reason="needs pybullet (pip install 'scenefw[simulation]')")
-    from scenefw.scenes.engines.pybullet_engine import PyBulletEngine
+    from scenefw_simulators.engines.pybullet_engine import PyBulletEngine
 
     boxes = [((0.06, 0.06, 0.12), (0.2 * i, 0.01 * i, 0.06)) for i in range(3)]
     boxes.append(((length, 0.06, 0.03), (middle, 0.0, 0.135)))

@@ -7,9 +7,9 @@ from rich.progress import track
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.labelling_protocols import TabletopSource
-from scenefw.parallel.local import Local
 from scenefw.renderers.mesh_raycaster import MeshRaycaster
 from scenefw.renderers.tables import PreparedTable, Tables, prepared
+from scenefw_sweeps.local import Local
 from scenefw_tabletops.data.table_scenes import TabletopScenes
 
 _FEW = 16  # scenes that are made sooner than processes start

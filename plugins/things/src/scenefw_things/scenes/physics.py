@@ -11,7 +11,7 @@ import numpy as np
 
 from scenefw.core.settings import COUNT, NOT_NEGATIVE, POSITIVE
 from scenefw.core.types import Float64, Pose
-from scenefw.scenes.bullet_client import connect
+from scenefw_simulators.engines.bullet_client import connect
 from scenefw_things.shapes.solids import Part
 
 

@@ -1,1 +1,0 @@
-"""Where independent pieces of work are done: processes of this machine, or of a cluster."""
