@@ -15,7 +15,6 @@ from scenefw.core.types import Frame
 from scenefw.fitting.placed import OUTLIERS
 from scenefw.perception.observation.floor_noise import robust_sigma
 from scenefw.perception.observation.points import (
-    MAJORITY,
     MIN_PARALLEL_COSINE,
     MIN_POINTS,
     REFINEMENTS,
@@ -68,7 +67,7 @@ class FloorFinder:
         """
         points = points_within(frame, self.max_depth)
         largest, *further_planes = self._planes(points)
-        tables = [plane for plane in further_planes if _is_table(plane, largest)]
+        tables = [plane for plane in further_planes if self._is_table(plane, largest)]
         floor = min(tables, key=lambda plane: plane.height, default=largest)
         if floor.share < self.min_inlier_ratio:
             raise InputError(
@@ -88,7 +87,7 @@ class FloorFinder:
             plane = self._fit(points, normal, height)
             planes.append(plane)
             is_on_plane = self._inliers(remaining, remaining @ plane.normal + plane.height)
-            if is_on_plane.sum() <= MAJORITY * planes[0].share * len(points):
+            if is_on_plane.sum() <= self.min_inlier_ratio * len(points):
                 break
             remaining = remaining[~is_on_plane]
         return planes
@@ -153,17 +152,16 @@ class FloorFinder:
         mean_square = float(np.mean(distance[inliers] ** 2))
         return Floor(normal, float(height), float(inliers.mean()), float(np.sqrt(mean_square)))
 
+    def _is_table(self, plane: Floor, floor: Floor) -> bool:
+        """Whether a plane is a table on a room's floor."""
+        return bool(
+            plane.height < floor.height - TABLE_HEIGHT
+            and plane.normal @ floor.normal > MIN_PARALLEL_COSINE
+            and plane.share > self.min_inlier_ratio  # it isn't the top of an object
+        )
+
     def _inliers(self, points: Array, distance: Array) -> NDArray[np.bool_]:
         return near_plane(points, distance, self.inlier_distance)
-
-
-def _is_table(plane: Floor, floor: Floor) -> bool:
-    """Whether a plane is a table on a room's floor."""
-    return bool(
-        plane.height < floor.height - TABLE_HEIGHT
-        and plane.normal @ floor.normal > MIN_PARALLEL_COSINE
-        and plane.share > MAJORITY * floor.share  # it isn't the top of an object
-    )
 
 
 def points_within(frame: Frame, farthest: float) -> Array:
