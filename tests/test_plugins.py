@@ -68,6 +68,17 @@ def test_a_broken_plugin_costs_a_warning_only(scenefw, tmp_path):
     assert [line for line in done.stderr.splitlines() if "left out" in line and "broken" in line]
 
 
+def test_options_without_a_project_and_a_plugin_in_place_of_its_folder_are_told(scenefw, tmp_path):
+    option = tmp_path / "plugins" / "options_alone" / "conf" / "noise" / "mine.yaml"
+    option.parent.mkdir(parents=True)
+    option.write_text("mine:\n  _target_: scenefw.noise.gaussian.Gaussian\n")
+    write_plugin(tmp_path / "others" / "counting")
+    env = os.environ | {"SCENEFW_PLUGINS": str(tmp_path / "others" / "counting")}
+    done = scenefw("--list", "noise", env=env)
+    assert "options_alone is left out: it has no pyproject.toml" in done.stderr
+    assert f"counting is left out: it holds no plugins but is one; give {tmp_path}" in done.stderr
+
+
 def test_faulty_code_of_a_plugin_hurts_only_those_who_use_it(scenefw, tmp_path):
     write_plugin(tmp_path / "plugins" / "counting")
     write_plugin(tmp_path / "plugins" / "bad", "bad", "run/bad", "this is no Python\n")

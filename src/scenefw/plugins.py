@@ -139,8 +139,12 @@ def refuse_clashes(plugins: Sequence[Plugin]) -> None:
 
 def _dropped_in(folders: Sequence[Path]) -> Iterator[Plugin]:
     for folder in folders:
-        for project in sorted(folder.glob("*/pyproject.toml")):
-            yield from _tolerated(project.parent)
+        if any(folder.glob("conf/*/*.yaml")) and not (folder / "plugins").is_dir():
+            _leave_out(folder, f"it holds no plugins but is one; give {folder.parent}")
+        projects = {path.parent for path in folder.glob("*/pyproject.toml")}
+        projects |= {path.parents[2] for path in folder.glob("*/conf/*/*.yaml")}
+        for project in sorted(projects):
+            yield from _tolerated(project)
 
 
 def _tolerated(folder: Path) -> Iterator[Plugin]:
@@ -152,6 +156,8 @@ def _tolerated(folder: Path) -> Iterator[Plugin]:
 
 
 def _read(folder: Path) -> Plugin:
+    if not (folder / "pyproject.toml").exists():
+        raise ValueError("it has no pyproject.toml, which names its package (docs/plugins.md)")
     project = _toml(folder / "pyproject.toml")
     declared = project.get("project", {}).get("entry-points", {}).get(ENTRY_POINTS)
     if not declared:

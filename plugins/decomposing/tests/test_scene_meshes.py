@@ -60,6 +60,10 @@ def test_unusable_files(tmp_path):
         (tmp_path / name).write_bytes(b"hello\n")
         with pytest.raises(InputError, match=f"{name}"):
             read_scene_mesh(tmp_path / name)
+    tall(tmp_path / "cut.stl")
+    (tmp_path / "cut.stl").write_bytes((tmp_path / "cut.stl").read_bytes()[:-60])
+    with pytest.raises(InputError, match=r"cut\.stl holds no mesh, or only the beginning of one"):
+        read_scene_mesh(tmp_path / "cut.stl")
     trimesh.PointCloud(np.random.default_rng(0).random((9, 3))).export(tmp_path / "points.ply")
     with pytest.raises(InputError, match="no triangles; make a surface"):
         read_scene_mesh(tmp_path / "points.ply")

@@ -87,6 +87,20 @@ def test_a_recording_is_taken_apart(tmp_path, capsys):
     assert str(folder) in capsys.readouterr().out.splitlines()
 
 
+def test_empty_frames_are_skipped_with_a_word(tmp_path, capsys):
+    """Further views take their place; without any measurement there is nothing to take apart."""
+    views = frames()
+    blind = [replace(frame, depth=np.zeros_like(frame.depth)) for frame in views]
+    write_sequence(tmp_path / "walk", [blind[0], *views[1:]])
+    plain = {"overview": False, "page": False}
+    figures = task(tmp_path / "walk", tmp_path / "out", max_views=3, **plain).run()
+    assert figures["views"] == 3
+    assert "skipped frames without a measurement: 0" in capsys.readouterr().err
+    write_sequence(tmp_path / "blind", blind)
+    with pytest.raises(InputError, match="no frame holds a measurement"):
+        task(tmp_path / "blind", tmp_path / "out", **plain).run()
+
+
 def test_bad_input(tmp_path):
     out = tmp_path / "out"
     with pytest.raises(ConfigError, match=r"run=decompose needs input=PATH"):

@@ -94,7 +94,7 @@ class Decomposer:
                 else self._posed(scene, intrinsics, poses, depth_scale, name)
             )
             views = self.pipeline.observe(whole_scene.frames)
-            for warning in views.warnings:
+            for warning in (*whole_scene.warnings, *views.warnings):
                 warnings.warn(f"{whole_scene.name}: {warning}", stacklevel=2)
             return Prediction((taken_apart(whole_scene, views, self.pipeline),))
 

@@ -50,6 +50,8 @@ def read_scene_mesh(path: Path | str, scale: float = 1.0) -> tuple[TriangleMesh,
         T = geometry.rigid(np.column_stack([x, z, -y]), np.zeros(3)) @ T  # noqa: N806
     vertices = geometry.transform_points(T, mesh.vertices)
     faces = np.asarray(mesh.faces, np.int64).reshape(-1, 3)
+    if not len(faces) and path.suffix.lower() == ".stl":  # which can't hold points alone
+        raise InputError(f"{path} holds no mesh, or only the beginning of one; copy it again")
     if not len(faces):
         raise InputError(
             f"{path} has no triangles; make a surface of its points first, or give depth images"

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from scenefw.core.errors import InputError
+from scenefw.data.files.recordings import MeasuredFrames
 from scenefw.data.files.sequences import open_sequence
 from scenefw_decomposing.scene_meshes import is_mesh, read_scene_mesh
 
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from scenefw.core.types import Float64, Frame, SceneEstimate, TriangleMesh
+    from scenefw.data.files.sequences import RGBDFolder, TUMSequence
     from scenefw.perception.observation.views import Views
     from scenefw.perception.pipeline import ReconstructionPipeline
     from scenefw_decomposing.mesh_views import MeshViews
@@ -86,8 +88,26 @@ def read_whole_scene(
             "a folder with depth/, poses.txt and intrinsics.json"
         )
     recording = open_sequence(path, **dict(options or {}))
-    frames = [recording[number] for number in distant_views(recording.poses, max_views)]
-    return WholeScene(name, frames, warnings=recording.notes)
+    frames, empty = _measured_views(recording, max_views)
+    notes = [f"skipped frames without a measurement: {', '.join(map(str, empty))}"] if empty else []
+    return WholeScene(name, frames, warnings=(*recording.notes, *notes))
+
+
+def _measured_views(
+    recording: RGBDFolder | TUMSequence, max_views: int
+) -> tuple[list[Frame], list[int]]:
+    """Views far from each other in which something is measured, and numbers of empty ones."""
+    usable, empty = list(range(len(recording.poses))), list[int]()
+    while True:
+        views = distant_views([recording.poses[number] for number in usable], max_views)
+        measured = MeasuredFrames(recording, [usable[view] for view in views])
+        frames = list(measured)
+        if not measured.empty:
+            return frames, empty
+        empty = sorted([*empty, *measured.empty])
+        usable = [number for number in usable if number not in measured.empty]
+        if not usable:
+            raise InputError("no frame holds a measurement; give depth images that do")
 
 
 def distant_views(poses: Sequence[Float64], max_views: int) -> list[int]:
