@@ -21,7 +21,7 @@ EDGE_POINTS = 6
 MIN_HALF_AXIS = 0.004
 """m: of what a depth camera shows."""
 
-SHELLS = (0.95, 0.7, 0.4)
+SHELLS = (0.9, 0.5)
 """Sizes of copies of a surface, by its own, that say what lies within; objects may touch."""
 
 OUTLIERS = 3.0

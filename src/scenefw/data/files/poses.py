@@ -20,7 +20,7 @@ UNORDERED = "# unordered views: poses may jump"
 _FARTHEST = 20.0
 """Cameras that see one table are not this far apart (m)."""
 
-_MAX_ROTATION_ERROR = 0.01
+MAX_ROTATION_ERROR = 0.01
 """Of R R^T: published poses are off by up to 4e-4; 0.01 is a scale of half a percent."""
 
 _MAX_ROUNDING = 1e-5
@@ -122,11 +122,11 @@ def _pose(words: Sequence[str], where: str) -> tuple[Array, float]:
         return rigid(rotation_from_quaternion((w, x, y, z)), values[:3]), 0.0
     matrix = np.eye(4)
     matrix[: values.size // 4] = values.reshape(-1, 4)
-    if not np.allclose(matrix[3], (0, 0, 0, 1), atol=_MAX_ROTATION_ERROR):
+    if not np.allclose(matrix[3], (0, 0, 0, 1), atol=MAX_ROTATION_ERROR):
         matrix = _row_by_row(matrix, where)
     rotation = matrix[:3, :3]
     error = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
-    if error > _MAX_ROTATION_ERROR:
+    if error > MAX_ROTATION_ERROR:
         raise InputError(f"{where} is not a rigid motion; expected a rotation and metres, no scale")
     if np.linalg.det(rotation) < 0:
         raise InputError(
@@ -139,7 +139,7 @@ def _pose(words: Sequence[str], where: str) -> tuple[Array, float]:
 
 def _row_by_row(matrix: Array, where: str) -> Array:
     """A pose (4, 4) that was written column by column, as its last column tells."""
-    if np.allclose(matrix[:, 3], (0, 0, 0, 1), atol=_MAX_ROTATION_ERROR):
+    if np.allclose(matrix[:, 3], (0, 0, 0, 1), atol=MAX_ROTATION_ERROR):
         return matrix.T
     raise InputError(
         f"{where} has {matrix[3].tolist()} as its last row, not 0 0 0 1; expected {_FORMATS}"

@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from scenefw.perception.observation.observation import Observation
 
 _MAX_LENGTH_RATIO = 2.0  # to that of what is visible
-_MIN_LONG = 0.08  # m: what is shorter may be hidden for the most part
 
 
 def plausible(estimate: SceneEstimate, view: Observation) -> SceneEstimate:
@@ -136,7 +135,7 @@ class _Checks:
             length, visible_length = (
                 np.subtract(*bounds(points)[::-1]).max() for points in (mesh.vertices, visible)
             )
-            flaws += float(length > _MIN_LONG and length > _MAX_LENGTH_RATIO * visible_length)
+            flaws += float(length > _MAX_LENGTH_RATIO * visible_length)
         free = self._free_volume(mesh) / max(volume, np.finfo(float).tiny)
         flaws += min(free, 1.0) if free > MINORITY else 0.0
         return flaws + float(lowest > TOUCH and self._hovers(mesh, label))

@@ -9,14 +9,13 @@ from scipy.constants import golden
 from scipy.ndimage import distance_transform_edt
 
 from scenefw.perception.observation.components import TOUCH
-from scenefw.perception.observation.pixels import BLUR, WIDTH
+from scenefw.perception.observation.pixels import BLUR, REACH, WIDTH
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from scenefw.core.types import Float64
 
-_MAX_DISTANCE = 12  # pixels from the object
 _MAX_DEPTH_BEHIND = 0.15  # m behind the object's edge: as far as places lie
 
 
@@ -34,9 +33,7 @@ def passed_places(mask: NDArray[np.bool_], points: Float64, eye: Float64, count:
     """
     if not mask.any() or count < 1:
         return np.empty((0, 3))
-    min_distance, max_distance = (
-        pixels * mask.shape[1] / WIDTH for pixels in (BLUR, _MAX_DISTANCE)
-    )
+    min_distance, max_distance = (pixels * mask.shape[1] / WIDTH for pixels in (BLUR, REACH))
     box = box_about(mask, int(np.ceil(max_distance)) + 1)
     distances, (row, column) = distance_transform_edt(~mask[box], return_indices=True)
     ring = (distances >= max(min_distance, 1)) & (distances <= max(max_distance, 2))

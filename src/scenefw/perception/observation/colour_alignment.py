@@ -9,16 +9,13 @@ from scipy.fft import irfft2, next_fast_len, rfft2
 from scipy.ndimage import gaussian_filter
 
 from scenefw.perception.observation.components import EDGE, neighbours
-from scenefw.perception.observation.pixels import BLUR, coarse_step
+from scenefw.perception.observation.pixels import BLUR, REACH, coarse_step, min_area
 from scenefw.perception.observation.points import STRAYS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from scenefw.core.types import Float32
-
-_REACH = 20  # pixels of thinned images, in each direction
-_MIN_EDGE_PIXELS = 60  # pixels at jumps: fewer agree by chance somewhere, in real images too
 
 
 class ColourShift(NamedTuple):
@@ -42,25 +39,25 @@ def colour_shift(depth: Float32, colour: NDArray[np.uint8]) -> ColourShift | Non
     """
     step = coarse_step(depth.shape[1])
     edges = _before_jumps(depth[::step, ::step])
-    if np.count_nonzero(edges) < _MIN_EDGE_PIXELS:
+    if np.count_nonzero(edges) < min_area(edges.shape[1]):
         return None
     grey = colour.mean(axis=-1, dtype=np.float32)
     brightness = gaussian_filter(grey, step / 2)[::step, ::step]
     slopes = [gaussian_filter(brightness, 0.7, order=order) for order in ((0, 1), (1, 0))]
     gradient = np.hypot(*slopes)
     gradient = np.minimum(gradient, np.quantile(gradient, 1 - STRAYS))
-    if min(edges.shape) <= _REACH:
+    if min(edges.shape) <= REACH:
         return None
-    padded = [next_fast_len(side + _REACH, real=True) for side in edges.shape]
+    padded = [next_fast_len(side + REACH, real=True) for side in edges.shape]
     edge_spectrum = rfft2(edges.astype(np.float32), padded)
     spectrum = rfft2(gradient - gradient.mean(), padded) * edge_spectrum.conj()
-    shifts = np.r_[-_REACH : _REACH + 1]
+    shifts = np.r_[-REACH : REACH + 1]
     sums = irfft2(spectrum, padded)[np.ix_(shifts, shifts)]
-    aligned_window = slice(_REACH - BLUR, _REACH + BLUR + 1)
+    aligned_window = slice(REACH - BLUR, REACH + BLUR + 1)
     peak, mean = float(sums.max()), float(sums.mean())
     if not peak > mean:  # of one colour
         return None
-    rows, columns = np.array(np.unravel_index(sums.argmax(), sums.shape)) - _REACH
+    rows, columns = np.array(np.unravel_index(sums.argmax(), sums.shape)) - REACH
     agreement = (float(sums[aligned_window, aligned_window].max()) - mean) / (peak - mean)
     return ColourShift(int(rows) * step, int(columns) * step, agreement)
 

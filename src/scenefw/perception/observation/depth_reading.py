@@ -36,7 +36,9 @@ AXIS = "depths along the camera's axis"
 _READINGS: dict[str, Conversion] = {  # of numbers and of lengths of rays, whose depth is 1
     AXIS: lambda numbers, _: numbers,
     "distances from the camera's centre": lambda numbers, lengths: numbers / lengths,
-    "inverse depths: disparities, or values of a depth buffer": lambda numbers, _: 1 / numbers,
+    "inverse depths: disparities, or values of a depth buffer": lambda numbers, _: np.reciprocal(
+        numbers
+    ),
 }
 """What the numbers may be, and the depth, but for its scale, that they then mean."""
 

@@ -9,7 +9,7 @@ from scipy import ndimage
 
 from scenefw.fitting.placed import OUTLIERS
 from scenefw.perception.observation.floor_noise import FloorNoise
-from scenefw.perception.observation.pixels import BLUR, WIDTH, scaled
+from scenefw.perception.observation.pixels import BLUR, min_area, scaled
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from scenefw.core.types import Float32, Float64
 
     Mask = NDArray[np.bool_]
-
-_MIN_PIXELS = 300  # at a width of 640; noise of real images reaches 184
 
 
 def flat_things(
@@ -44,5 +42,5 @@ def flat_things(
     beside = np.unique(labels[ndimage.binary_dilation(raised, iterations=window)])
     sizes = np.bincount(labels.ravel())
     sizes[beside] = sizes[0] = 0
-    large = np.flatnonzero(sizes >= _MIN_PIXELS * (heights.shape[1] / WIDTH) ** 2)
+    large = np.flatnonzero(sizes >= min_area(heights.shape[1]))
     return [labels == label for label in large[np.argsort(-sizes[large])]]

@@ -12,14 +12,13 @@ from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.files import utf8_text
 from scenefw.core.floors import Floor
 from scenefw.core.settings import POSITIVE, SHARE
+from scenefw.data.files.poses import MAX_ROTATION_ERROR
 from scenefw.perception.observation.floor import near_plane, points_within
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from scenefw.core.types import Float64, Frame
-
-_MAX_LENGTH_ERROR = 0.01  # by which the length of a normal may differ from 1: figures typed by hand
 
 
 class KnownFloor:
@@ -99,7 +98,7 @@ def _is_up(normal: Any) -> bool:
         vector = np.asarray(normal, np.float64)
     except (TypeError, ValueError):
         return False
-    return vector.shape == (3,) and bool(abs(np.linalg.norm(vector) - 1) <= _MAX_LENGTH_ERROR)
+    return vector.shape == (3,) and bool(abs(np.linalg.norm(vector) - 1) <= MAX_ROTATION_ERROR)
 
 
 def _floor_of_scene(path: Path) -> tuple[Any, float]:

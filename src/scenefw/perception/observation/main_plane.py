@@ -12,10 +12,9 @@ import numpy as np
 
 from scenefw.core.floors import Floor
 from scenefw.core.types import Float64, Frame
+from scenefw.perception.observation.floor_noise import MAX_FLOOR_HEIGHT
 from scenefw.perception.observation.pixels import coarse_step
 from scenefw.perception.observation.points import MINORITY, world_points
-
-_INLIER_DISTANCE = 0.02  # m: noise of depth cameras at 2 m, and drift of poses
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +34,7 @@ class WorldPlane:
 
     def inlier_ratio(self, points: Float64) -> float:
         """Of points (N, 3) of a frame."""
-        return float(np.mean(np.abs(points @ self.normal - self.level) < _INLIER_DISTANCE))
+        return float(np.mean(np.abs(points @ self.normal - self.level) < MAX_FLOOR_HEIGHT))
 
 
 def main_plane(planes: Sequence[WorldPlane]) -> WorldPlane:

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.ndimage import binary_dilation, binary_opening, maximum_filter1d
 
 from scenefw.perception.observation.components import EDGE
-from scenefw.perception.observation.pixels import BLUR, WIDTH, scaled
+from scenefw.perception.observation.pixels import BLUR, REACH, WIDTH, scaled
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 _MAX_GRAZING_ANGLE = 15.0  # degrees between a ray and a ramp
 _MAX_FLOOR_ANGLE_RATIO = 0.7  # of the angle at which the camera looks onto the floor
 _MIN_RAMP_RATIO = 0.67  # of a part's pixels: sides of objects are steep, too
-_MAX_RAMP_WIDTH = 20  # pixels, of an image 640 wide
 
 
 def mixed_pixels(points: Float64, eye: Float64) -> Mask:
@@ -53,7 +52,7 @@ def mixed_pixels(points: Float64, eye: Float64) -> Mask:
             steep, steep_or_end = (
                 limit * reduction(*sides) > 1 for reduction in (np.fmin, np.fmax)
             )
-        steep &= ~_on_surface(steep, distances, axis, scaled(_MAX_RAMP_WIDTH, points.shape[1]))
+        steep &= ~_on_surface(steep, distances, axis, scaled(REACH, points.shape[1]))
         mixed |= binary_dilation(steep, iterations=reach, mask=steep_or_end)
     return mixed
 

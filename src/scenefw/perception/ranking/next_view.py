@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 _MIN_ELEVATION, _MAX_ELEVATION = 15.0, 75.0  # degrees above the floor, of sampled views
 _STEP = 0.5  # voxels between the places at which a line of sight is tested
-_MARGIN = 1.5  # voxels before a voxel that may be solid: those of its own surface
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +141,8 @@ def _reached(
     ways = eye - targets
     lengths = np.linalg.norm(ways, axis=1, keepdims=True)
     diagonal = grid.extent * np.sqrt(3)
-    offsets = np.arange(_MARGIN, diagonal / grid.voxel_size, _STEP) * grid.voxel_size
+    # from beyond the voxel itself, which may be solid
+    offsets = np.arange(1 + _STEP, diagonal / grid.voxel_size, _STEP) * grid.voxel_size
     free = np.ones(len(targets), dtype=bool)
     for offset in offsets:  # outwards; those that left the grid meet nothing any more
         rows = np.flatnonzero(free & (lengths[:, 0] > offset))
