@@ -194,8 +194,8 @@ def _recorded_frame(
         colour = None
     if camera.lens is not None:
         images: list[NDArray[Any]] = [depth] if colour is None else [depth, colour]
-        depth, *others = undistorted(camera.lens, camera.matrix, images, topics.depth)
-        colour = others[0] if others else None
+        depth, *colour_images = undistorted(camera.lens, camera.matrix, images, topics.depth)
+        colour = colour_images[0] if colour_images else None
         notes.append(f"images are undistorted by the coefficients D of {topics.info}")
     return RecordedFrame(depth, camera.matrix, colour, seconds, tuple(notes))
 
@@ -260,14 +260,15 @@ def _colour_topic(
     """Colour in the pixels of depth, or None and a line that says why it is left out."""
     colours = [name for name in pictures if _has(name, _COLOUR) and name != depth]
     moved = [name for name in colours if _has(name, _REGISTERED_COLOUR)]
-    others = [name for name in colours if "depth" not in name.lower()]
-    candidates = others if _has(depth, _REGISTERED_DEPTH) else moved
+    colour_topics = [name for name in colours if "depth" not in name.lower()]
+    candidates = colour_topics if _has(depth, _REGISTERED_DEPTH) else moved
     if not candidates:
-        if not others:
+        if not colour_topics:
             return None, ()
         return None, (
-            f"colour {min(others, key=len)} is left out, as nothing says that it is aligned with "
-            f"{depth}; record depth aligned to colour, or give run.colour=TOPIC if it is",
+            f"colour {min(colour_topics, key=len)} is left out, as nothing says that it is "
+            f"aligned with {depth}; record depth aligned to colour, or give run.colour=TOPIC if it "
+            "is",
         )
     is_raw = "image_raw" in depth and "rect" not in depth
     return min(

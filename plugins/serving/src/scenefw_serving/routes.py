@@ -121,8 +121,8 @@ class NextView:
             InputError: the image is unusable.
         """
         views = next_views_in_base(image.scenes(), count=self.count)[: self.best]
-        told = [{"T_world_camera": plain(v.T_world_camera), "score": v.score} for v in views]
-        return {"name": image.frame.name, "views": told}
+        answers = [{"T_world_camera": plain(v.T_world_camera), "score": v.score} for v in views]
+        return {"name": image.frame.name, "views": answers}
 
 
 class Diagnose:

@@ -23,12 +23,12 @@ _START = 10.0  # s until a server that can start has started
 
 
 @contextlib.contextmanager
-def listening(app: Any, taken: socket.socket, limits: Limits) -> Iterator[None]:
+def listening(app: Any, listener: socket.socket, limits: Limits) -> Iterator[None]:
     """Within the block a thread answers requests.
 
     Args:
         app: an ASGI application.
-        taken: a bound socket, which is closed in the end.
+        listener: a bound socket, which is closed in the end.
         limits: of connections and uploads.
 
     Raises:
@@ -44,7 +44,7 @@ def listening(app: Any, taken: socket.socket, limits: Limits) -> Iterator[None]:
         server_header=False,
     )
     server = uvicorn.Server(config)
-    thread = threading.Thread(target=server.run, kwargs={"sockets": [taken]}, daemon=True)
+    thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True)
     thread.start()
     try:
         _await_start(server, thread)
@@ -52,7 +52,7 @@ def listening(app: Any, taken: socket.socket, limits: Limits) -> Iterator[None]:
     finally:
         server.should_exit = True
         thread.join(_GRACE + _START)
-        taken.close()
+        listener.close()
 
 
 def bound(host: str, port: int) -> socket.socket:
@@ -62,17 +62,17 @@ def bound(host: str, port: int) -> socket.socket:
         ConfigError: the port is in use.
     """
     family, *_, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
-    taken = socket.socket(family, socket.SOCK_STREAM)
+    listener = socket.socket(family, socket.SOCK_STREAM)
     try:
-        taken.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        taken.bind(address)
-        taken.listen(socket.SOMAXCONN)
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind(address)
+        listener.listen(socket.SOMAXCONN)
     except OSError as error:
-        taken.close()
+        listener.close()
         raise ConfigError(f"port {port} of {host}: {error.strerror}; give another run.port") from (
             error
         )
-    return taken
+    return listener
 
 
 def _await_start(server: uvicorn.Server, thread: threading.Thread) -> None:

@@ -75,20 +75,20 @@ class Serve:
         from scenefw_serving.server import bound, listening
 
         require_free(self.host, self.port)  # says in words why it is not
-        taken = bound(self.host, self.port)
+        listener = bound(self.host, self.port)
         work = Work()
         hosts = _LOCAL if self.host in _LOCAL else None
         service = Service(self.routes, self.predictions, self.limits, work, hosts)
         try:
             if self.warm_up:
                 self.predictions.pipeline(warm_up_image())
-            with listening(service.application(), taken, self.limits):
-                _announce(self.host, taken.getsockname()[1], self.routes)
+            with listening(service.application(), listener, self.limits):
+                _announce(self.host, listener.getsockname()[1], self.routes)
                 work.run(self.seconds)
         except KeyboardInterrupt:
             pass
         finally:
-            taken.close()
+            listener.close()
         print(f"service ended; requests answered: {service.answered}")
         return {"answered": float(service.answered)}
 

@@ -211,15 +211,15 @@ def difference(solid: Float64, cutter: Float64) -> list[Float64]:
     planes = np.unique(ConvexHull(cutter).equations.round(9), axis=0)
     if ((solid @ planes[:, :3].T + planes[:, 3]).min(axis=0) >= -_TINY).any():
         return [solid]
-    pieces, rest = [], solid
+    pieces, remainder = [], solid
     for plane in planes:
-        outside = below(rest, -plane[:3], float(plane[3]))
+        outside = below(remainder, -plane[:3], float(plane[3]))
         if outside is not None:
             pieces.append(outside)
-        inside = below(rest, plane[:3], -float(plane[3]))
+        inside = below(remainder, plane[:3], -float(plane[3]))
         if inside is None:
             return [solid]
-        rest = inside
+        remainder = inside
     return pieces
 
 

@@ -114,14 +114,15 @@ def _outside(
         if (~coplanar | (facing & first)).any():
             return [polygon]
     crossed = np.flatnonzero((height > tolerance).any(axis=0))
-    pieces, rest = [], polygon
+    pieces, remainder = [], polygon
     for k in crossed:
-        front, back = _split(rest, rest @ solid.planes[k, :3] + solid.planes[k, 3], tolerance)
+        heights = remainder @ solid.planes[k, :3] + solid.planes[k, 3]
+        front, back = _split(remainder, heights, tolerance)
         if front is not None:
             pieces.append(front)
         if back is None:
             return [polygon]
-        rest = back
+        remainder = back
     return pieces
 
 
@@ -222,14 +223,14 @@ def _between(
 
 def _triangles(loop: list[int], points: Float64) -> list[tuple[int, int, int]]:
     """A convex loop as triangles that have an area, cut off one by one, the largest first."""
-    rest, faces = list(loop), []
-    while len(rest) > 3:
-        corners = points[rest]
+    remainder, faces = list(loop), []
+    while len(remainder) > 3:
+        corners = points[remainder]
         sides = np.roll(corners, -1, axis=0) - corners
         k = int(np.argmax(_squared_areas(np.roll(sides, 1, axis=0), sides)))
-        faces.append((rest[k - 1], rest[k], rest[(k + 1) % len(rest)]))
-        del rest[k]
-    return [*faces, (rest[0], rest[1], rest[2])]
+        faces.append((remainder[k - 1], remainder[k], remainder[(k + 1) % len(remainder)]))
+        del remainder[k]
+    return [*faces, (remainder[0], remainder[1], remainder[2])]
 
 
 def _squared_areas(a: Float64, b: Float64) -> Float64:
