@@ -11,8 +11,7 @@ import numpy as np
 
 from scenefw.core.files import write_text
 from scenefw.core.types import Camera, ObjectEstimate, PlacedShape, SceneEstimate
-from scenefw.perception.estimate.base_frame import on_floor
-from scenefw.perception.physics.support_graph import support_graph
+from scenefw.perception.physics.support_graph import supports_of
 
 
 def summarise(
@@ -46,7 +45,7 @@ def summarise(
             for obstacle, name in zip(estimate.obstacles, obstacle_files, strict=False)
         ],
         "camera": _camera(estimate.frame.camera),
-        "support_graph": support_graph(on_floor(estimate)).facts(),
+        "support_graph": supports_of(estimate).facts(),
         **{key: plain(value) for key, value in estimate.details.items()},
         "versions": dict(versions or {}),
     }

@@ -54,11 +54,12 @@ def _painted(
     rows = np.rint(camera.fy * points[:, 1] / depth + camera.cy).astype(np.int64)
     inside = (rows >= 0) & (rows < camera.height) & (columns >= 0) & (columns < camera.width)
     inside &= facing & np.isfinite(depth)
-    seen = np.flatnonzero(inside)
-    seen = seen[mask[rows[seen], columns[seen]]]
-    if image is None or not len(seen):
+    inside[inside] = mask[rows[inside], columns[inside]]
+    visible, hidden = np.flatnonzero(inside), np.flatnonzero(~inside)
+    if image is None or not len(visible):
         return None
-    nearest = seen[cKDTree(points[seen]).query(points)[1]]
+    nearest = np.arange(len(points))
+    nearest[hidden] = visible[cKDTree(points[visible]).query(points[hidden])[1]]
     return np.asarray(image[rows[nearest], columns[nearest]] / 255.0)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from scenefw.core.types import TriangleMesh
 from scenefw.perception.observation.points import world_points
-from scenefw.perception.physics.support_graph import support_graph
+from scenefw.perception.physics.support_graph import supports_of
 from scenefw.report.blocks import Scenes
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def layer(
         size = " × ".join(f"{100 * side:.0f}" for side in item.extents)
         text = f"{item.id}: {size} cm" + (f", {item.confidence:.0%}" if confidence else "")
         solids.append(Solid(text, colour, item.mesh))
-    graph = support_graph(estimate.objects).facts() if supports else None
+    graph = supports_of(estimate).facts() if supports else None
     return Layer(name, tuple(solids), graph)
 
 

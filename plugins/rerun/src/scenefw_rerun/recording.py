@@ -10,7 +10,7 @@ import numpy as np
 from scenefw.core.errors import MissingDependencyError
 from scenefw.core.files import replacing
 from scenefw.export.surface_colours import surface_colours
-from scenefw.perception.physics.support_graph import support_graph
+from scenefw.perception.physics.support_graph import supports_of
 from scenefw.report.palette import colours_of
 from scenefw_viewer.map_surface import looks, surface
 
@@ -165,7 +165,7 @@ def _mesh(mesh: TriangleMesh, paint: Any) -> Any:
 
 def _table(scene: SceneEstimate) -> str:
     """Objects of a scene in Markdown, with what they stand on."""
-    graph = support_graph(scene.objects)
+    graph = supports_of(scene)
     lines = ["| object | size (cm) | confidence | stands on |", "| --- | --- | --- | --- |"]
     for item in scene.objects:
         size = " × ".join(f"{100 * side:.0f}" for side in item.extents)

@@ -112,10 +112,11 @@ def _hover(label: int, solids: dict[int, MeshDistances]) -> Hover:
 
 
 def shared_places(first: MeshDistances, second: MeshDistances) -> Float64:
-    """Places (N, 2) of the floor under both: a lattice, and below their vertices."""
+    """Places (N, 2) of the floor under both: a lattice of `DETAIL` or more, and their vertices."""
     low = np.maximum(first.low, second.low)[:2]
     high = np.minimum(first.high, second.high)[:2]
-    axes = [np.linspace(a, b, math.isqrt(SAMPLE)) for a, b in zip(low, high, strict=True)]
+    counts = np.minimum(np.ceil((high - low) / DETAIL) + 1, math.isqrt(SAMPLE)).astype(int)
+    axes = [np.linspace(*ends) for ends in zip(low, high, counts, strict=True)]
     lattice = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
     corners = []
     for solid in (first, second):

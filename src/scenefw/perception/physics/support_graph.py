@@ -11,6 +11,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from scenefw.core.weak_cache import cached_by_identity
+from scenefw.perception.estimate.base_frame import on_floor
 from scenefw.perception.evidence.mesh_distances import MeshDistances, distances_to
 from scenefw.perception.observation.components import DETAIL
 from scenefw.perception.observation.points import MAJORITY
@@ -20,7 +21,7 @@ from scenefw.shapes.moments import moments
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
 
-    from scenefw.core.types import Float64, ObjectEstimate
+    from scenefw.core.types import Float64, ObjectEstimate, SceneEstimate
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,8 +95,17 @@ class SupportGraph:
         }
 
     def _stands(self, label: int, missing: Collection[int]) -> bool:
-        places = [points for below, points in self.contacts[label].items() if below not in missing]
-        return bool(places) and _over(self.centres[label], np.concatenate(places))
+        remaining = tuple(below for below in self.contacts[label] if below not in missing)
+        if (label, remaining) not in self._standing:  # asked again for each order of removal
+            places = [self.contacts[label][below] for below in remaining]
+            stands = bool(places) and _over(self.centres[label], np.concatenate(places))
+            self._standing[label, remaining] = stands
+        return self._standing[label, remaining]
+
+    @cached_property
+    def _standing(self) -> dict[tuple[int, tuple[int, ...]], bool]:
+        """Whether an object stands on some of what it touches, as far as that was computed."""
+        return {}
 
 
 def support_graph(objects: Sequence[ObjectEstimate]) -> SupportGraph:
@@ -110,6 +120,12 @@ def support_graph(objects: Sequence[ObjectEstimate]) -> SupportGraph:
         {item.id: moments(item.mesh).pose.position[:2] for item in objects},
         {label: float(solid.high[2]) for label, solid in solids.items()},
     )
+
+
+@cached_by_identity
+def supports_of(estimate: SceneEstimate) -> SupportGraph:
+    """The support graph of an estimate, computed once: several files of a scene hold it."""
+    return support_graph(on_floor(estimate))
 
 
 def _contacts(label: int, solids: Mapping[int, MeshDistances]) -> dict[int, Float64]:
