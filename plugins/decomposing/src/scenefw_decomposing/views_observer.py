@@ -57,7 +57,7 @@ class ViewsObserver:
         if mask is not None:
             raise InputError("masks are of one view; leave them out")
         warnings = [line for frame in frames for line in self.doctor.examine_frame(frame)]
-        alignment = self.table.alignment(frames[0], posed=True, others=frames[1:])
+        alignment = self.table.alignment(frames[0], posed=True, further_frames=frames[1:])
         if not alignment.table:
             warnings.append(alignment.note)
         posed_frames = list(transformed(frames, alignment.T_table_world))

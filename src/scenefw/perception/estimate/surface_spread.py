@@ -31,15 +31,15 @@ def surface_spread(
     """
     spreads = {}
     for item in estimate.objects:
-        others = [o for scene in alternatives for o in scene.objects if o.id == item.id]
-        if others:
-            spreads[item.id] = _spread(item, others)
+        rivals = [o for scene in alternatives for o in scene.objects if o.id == item.id]
+        if rivals:
+            spreads[item.id] = _spread(item, rivals)
     return spreads
 
 
-def _spread(item: ObjectEstimate, others: Sequence[ObjectEstimate]) -> Float32:
+def _spread(item: ObjectEstimate, rivals: Sequence[ObjectEstimate]) -> Float32:
     vertices = item.mesh.vertices
     places = vertices[:: -(-len(vertices) // SAMPLE)]
-    squares = [distances_to(other.mesh).at(places) ** 2 for other in others]
+    squares = [distances_to(other.mesh).at(places) ** 2 for other in rivals]
     spread = np.sqrt(np.mean(squares, axis=0)).astype(np.float32)
     return np.asarray(spread[cKDTree(places).query(vertices)[1]])

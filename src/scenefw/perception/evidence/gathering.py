@@ -173,8 +173,8 @@ class EvidenceGathering:
         free_places = centres[free_mask]
         free_places = free_places[_rows_in_box(free_places, low, high)]
         free_points = _subsample(free_places, self.outside_points)
-        near = _rows_in_box(places, low, high)
-        neighbours = places[near[labels[near] != label]]
+        rows = _rows_in_box(places, low, high)
+        neighbours = places[rows[labels[rows] != label]]
         x, y = np.meshgrid(*np.linspace(low[:2], high[:2], 10).T)
         floor_points = np.stack([x, y, np.full_like(x, -OUTLIERS * NOISE)], axis=-1).reshape(-1, 3)
         silhouette_points = np.empty((0, 3))

@@ -80,5 +80,5 @@ def across_gaps(
     """
     distance, nearest = distance_transform_edt(depth == 0, return_indices=True)
     rows, columns = nearest
-    near = distance <= max_gap
-    return np.where(near, depth[rows, columns], 0), near & mask[rows, columns]
+    is_close = distance <= max_gap
+    return np.where(is_close, depth[rows, columns], 0), is_close & mask[rows, columns]

@@ -52,7 +52,7 @@ def pixel_probabilities(model: PartAffinityModel, frame: Frame) -> PixelProbabil
         colour = torch.tensor(frame.colour[::step, ::step], device=device)
         colour = colour.permute(2, 0, 1)[None] / 255
     logits = model(torch.from_numpy(depth)[None].to(device), cameras, colour)[0]
-    across, down, *others = logits.sigmoid().cpu().numpy()
-    objects = None if model.shown is None else others.pop(0)
-    obstacles = None if model.obstacles is None else others.pop(0)
+    across, down, *further_answers = logits.sigmoid().cpu().numpy()
+    objects = None if model.shown is None else further_answers.pop(0)
+    obstacles = None if model.obstacles is None else further_answers.pop(0)
     return PixelProbabilities(step, across[:, :-1], down[:-1], objects, obstacles)

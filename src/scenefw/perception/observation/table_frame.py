@@ -69,7 +69,9 @@ class TableFrame:
         pose = self._pose(frame)
         return replace(frame, camera=frame.camera.moved(pose))
 
-    def alignment(self, frame: Frame, *, posed: bool, others: Sequence[Frame] = ()) -> Alignment:
+    def alignment(
+        self, frame: Frame, *, posed: bool, further_frames: Sequence[Frame] = ()
+    ) -> Alignment:
         """The transform of a sequence to table coordinates.
 
         The table is the plane on which most of what all frames measured lies; the first frame may
@@ -79,14 +81,14 @@ class TableFrame:
             frame: the first, with its pose in the old world.
             posed: whether the old world may be the table's: then it is kept if its plane z = 0
                 holds the table (within `tilt` and `level`), or if no table is found.
-            others: more frames of the recording, with poses in the same world.
+            further_frames: more frames of the recording, with poses in the same world.
 
         Raises:
             InputError: no table is found, and the poses have none either.
         """
         planes: list[WorldPlane] = []
         errors: list[InputError] = []
-        for view in (frame, *others):
+        for view in (frame, *further_frames):
             try:
                 planes.append(WorldPlane.of(self.floor.find(view), view))
             except InputError as error:

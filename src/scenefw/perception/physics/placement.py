@@ -63,8 +63,8 @@ class Placement:
         if first is None:
             raise InputError("no frame of the recording has a measurement; record it again")
         posed = self.odometry is None
-        others = list(sample) if posed else []
-        alignment = self.table.alignment(first, posed=posed, others=others)
+        further_frames = list(sample) if posed else []
+        alignment = self.table.alignment(first, posed=posed, further_frames=further_frames)
         T = alignment.T_table_world  # noqa: N806
         placed_frames = transformed(itertools.chain([first], frames), T)
         return Placed(Recording(T if posed else None), placed_frames, alignment.note)

@@ -80,8 +80,9 @@ class SupportGraph:
         """
         order: list[int] = []
         while len(order) < len(self.contacts):
-            rest = [label for label in self.contacts if label not in order]
-            order.append(min(rest, key=lambda k: (len(self.falls(k, order)), -self.heights[k], k)))
+            remaining = [label for label in self.contacts if label not in order]
+            costs = [(len(self.falls(k, order)), -self.heights[k], k) for k in remaining]
+            order.append(min(costs)[-1])
         return tuple(order)
 
     def facts(self) -> dict[str, Any]:
@@ -157,14 +158,14 @@ def _touching(upper: MeshDistances, lower: MeshDistances) -> Float64:
     if apart or lower.low[2] > upper.high[2] or lower.high[2] < upper.low[2] - DETAIL:
         return np.zeros((0, 2))
     places = shared_places(upper, lower)
-    bottom, rest = upper.lowest(places), lower.highest(places)
-    touches = bottom - rest <= DETAIL
-    places, bottom, rest = places[touches], bottom[touches], rest[touches]
+    bottom, top = upper.lowest(places), lower.highest(places)
+    touches = bottom - top <= DETAIL
+    places, bottom, top = places[touches], bottom[touches], top[touches]
     if not len(places):
         return places
     is_below = lower.lowest(places) < bottom - DETAIL
     # What rises into more than half of a thing's height stands beside it
-    carries = rest - bottom < MAJORITY * (upper.highest(places) - bottom)
+    carries = top - bottom < MAJORITY * (upper.highest(places) - bottom)
     return np.asarray(places[is_below & carries])
 
 

@@ -89,11 +89,13 @@ def next_views_in_base(
     """
     motion = floor_pose(in_base(scenes[0]).details)
     if poses is None:
-        there = views_around(scenes[0], count)
+        floor_poses = views_around(scenes[0], count)
     else:
-        given = [np.asarray(pose, dtype=np.float64) for pose in poses]
-        there = [inverse(motion) @ pose if pose.shape == (4, 4) else pose for pose in given]
-    views = next_views(scenes, there)
+        matrices = [np.asarray(pose, dtype=np.float64) for pose in poses]
+        floor_poses = [
+            inverse(motion) @ pose if pose.shape == (4, 4) else pose for pose in matrices
+        ]
+    views = next_views(scenes, floor_poses)
     return [replace(view, T_world_camera=motion @ view.T_world_camera) for view in views]
 
 

@@ -30,7 +30,7 @@ def recording(beside, above):
 @pytest.mark.parametrize(("beside", "above"), [(1, 5), (2, 8), (0, 4)])
 def test_the_plane_of_most_frames_is_the_table(beside, above):
     first, *others = recording(beside, above)
-    alignment = TableFrame().alignment(first, posed=True, others=others)
+    alignment = TableFrame().alignment(first, posed=True, further_frames=others)
     height = (alignment.T_table_world @ WORLD)[2, 3]  # of the table's top
     assert height == pytest.approx(0.0, abs=0.005)
     assert f"found in frame {beside:03d}" in alignment.note or not beside
@@ -41,7 +41,7 @@ def test_the_plane_of_most_frames_is_the_table(beside, above):
 
 def test_frames_without_a_plane_do_not_matter():
     dark = replace(view((0, -0.6, 0.6), (0, 0, 0), 0), depth=np.zeros((60, 80), np.float32))
-    alignment = TableFrame().alignment(dark, posed=True, others=recording(0, 3))
+    alignment = TableFrame().alignment(dark, posed=True, further_frames=recording(0, 3))
     assert (alignment.T_table_world @ WORLD)[2, 3] == pytest.approx(0.0, abs=0.005)
-    nothing = TableFrame().alignment(dark, posed=True, others=[dark])
+    nothing = TableFrame().alignment(dark, posed=True, further_frames=[dark])
     assert not nothing.table
