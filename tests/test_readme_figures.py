@@ -53,3 +53,25 @@ def test_figures_of_household_things_are_those_of_their_page():
         row = next(line for line in lines if line.startswith(f"| Kinect: {method} |"))
         cells = [cell.strip(" *") for cell in row.split("|")]
         assert [cells[2], cells[4]] == pair, method
+
+
+def test_figures_of_labelled_images_are_those_of_their_page():
+    """Of the commit that the README names for them."""
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "results" / "osd.md").read_text(encoding="utf-8")
+    rows = [
+        [
+            cell.strip(" *")
+            for cell in next(
+                line for line in page.splitlines() if line.startswith(f"| {method} |")
+            ).split("|")
+        ]
+        for method in ("set extents", "floor removed, cut at jumps and creases of depth")
+    ]
+    columns = {"overlap F (%) ↑": 2, "boundary F (%) ↑": 5, "objects too many or too few ↓": 12}
+    for name, column in columns.items():
+        row = next(line for line in text.splitlines() if line.startswith(f"| {name} |"))
+        cells = [cell.strip(" *") for cell in row.split("|")]
+        assert cells[2:4] == [method[column] for method in rows], name
+    (commit,) = re.findall(r"experiment=osd .*?# commit (\w+)", text)
+    assert f"commit {commit}" in page

@@ -1,5 +1,7 @@
 """Whole scenes from Python: what is given as arrays gives what a folder of it gives."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from plugins.decomposing.tests.several import PAIR, boxes, fitted_parts
@@ -36,6 +38,13 @@ def test_arrays_and_a_folder_of_them_are_the_same(tmp_path):
     np.testing.assert_allclose(
         read.estimate.details["T_world_input"], given.estimate.details["T_world_input"], atol=1e-6
     )
+
+
+def test_what_files_left_open_is_warned_of(tmp_path):
+    blind = replace(frames()[0], depth=np.zeros_like(frames()[0].depth))
+    path = write_sequence(tmp_path / "walk", [blind, *frames()[1:]])
+    with pytest.warns(UserWarning, match="skipped frames without a measurement: 0"):
+        METHOD.decompose(path)
 
 
 def test_a_mesh(tmp_path):
