@@ -45,7 +45,7 @@ class Start:
 
 
 def start_of(training: Training, folder: Path) -> Start:
-    """The newest good state in a folder, else the newest committed weights, else nothing.
+    """The newest good state in a folder, else weights that ship, else nothing.
 
     A good state is kept as `previous.ckpt` while the leg replaces it; a damaged one is moved aside.
     """
@@ -68,8 +68,8 @@ def start_of(training: Training, folder: Path) -> Start:
         earlier = _samples_of(progress.get("started_from"))
         words = [f"learning.schedule.warmup={WARMUP}"] if earlier else []
         return Start(seen + earlier, steps, words, f"goes on from {seen + earlier} samples")
-    weights = HERE / "weights" / f"{training.name}.safetensors"
-    if weights.exists():
+    if training.weights:
+        weights = HERE.parent / training.weights
         samples = _samples_of(read_provenance(weights).metadata)
         words = [f"learning.initial={weights}", f"learning.schedule.warmup={WARMUP}"]
         line = (

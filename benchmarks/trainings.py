@@ -61,6 +61,7 @@ class Training:
         core, gpu: how it runs there.
         may_change: facts in which its legs may differ.
         needs: files that must be there first, and the overrides that make each.
+        weights: of this recipe, which ship: where it starts without a state; from the checkout's root.
     """
 
     name: str
@@ -73,6 +74,7 @@ class Training:
     gpu: Machine
     may_change: Sequence[str] = ("batch_size",)
     needs: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    weights: str = ""
 
     def words(self, machine: Machine) -> list[str]:
         """Overrides of a leg, without time and folders."""

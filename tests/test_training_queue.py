@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 
 import pytest
 import torch
@@ -150,18 +151,14 @@ def test_a_damaged_state_is_moved_aside_for_the_one_before(tmp_path, training, c
     assert "damaged" in capsys.readouterr().out.splitlines()[-1]
 
 
-def test_without_a_state_the_committed_weights_are_the_start(tmp_path, training, monkeypatch):
-    from benchmarks import legs
-
+def test_without_a_state_the_weights_that_ship_are_the_start(tmp_path, training):
     assert start_of(training, tmp_path).words == []
     plain.task(tmp_path, steps=4).run()
-    (tmp_path / "weights").mkdir()
-    (tmp_path / "out" / "plain.safetensors").rename(tmp_path / "weights" / "plain.safetensors")
-    monkeypatch.setattr(legs, "HERE", tmp_path)
-    start = start_of(training, tmp_path / "none")
+    weights = tmp_path / "out" / "plain.safetensors"
+    start = start_of(replace(training, weights=str(weights)), tmp_path / "none")
     assert start.samples == 16
     assert start.words == [
-        f"learning.initial={tmp_path}/weights/plain.safetensors",
+        f"learning.initial={weights}",
         "learning.schedule.warmup=500",
     ]
     assert "fresh optimiser" in start.line
