@@ -61,7 +61,7 @@ class Training:
         core, gpu: how it runs there.
         may_change: facts in which its legs may differ.
         needs: files that must be there first, and the overrides that make each.
-        weights: of this recipe, which ship: where it starts without a state; from the checkout's root.
+        weights: of this recipe, which ship, by their path in the checkout: a start without a state.
     """
 
     name: str

@@ -51,12 +51,15 @@ class TrueShells(torch.nn.Module):
         self.boxes, self.entry_error, self.exit_error = boxes, entry_error, exit_error
         self.hollow_draws = hollow_draws
         self.weight = torch.nn.Parameter(torch.zeros(1))
-        self.codes = self.crops = None
+        self.codes, self.crops = {}, None
 
     def sample(self, crops, codes):
-        self.codes, self.crops = codes, crops
-        shells = [self.shell(camera_of(crops.cameras, n), box)
-                  for n, box in enumerate(self.boxes)]  # fmt: skip
+        self.crops = self.crops or crops  # those of all objects come first
+        lenses = self.crops.cameras.intrinsics.tolist()
+        rows = [lenses.index(lens) for lens in crops.cameras.intrinsics.tolist()]
+        self.codes |= {row: codes[:, n] for n, row in enumerate(rows)}
+        shells = [self.shell(camera_of(crops.cameras, n), self.boxes[row])
+                  for n, row in enumerate(rows)]  # fmt: skip
         amodal, depths = (torch.from_numpy(np.stack(x)) for x in zip(*shells, strict=True))
         count = len(codes)
         depths = depths.repeat(count, 1, 1, 1)
@@ -65,7 +68,7 @@ class TrueShells(torch.nn.Module):
         depths[:, EXIT] += self.exit_error
         amodal = torch.where(amodal, 5.0, -5.0).repeat(count, 1, 1)
         hollow = torch.full_like(amodal, -5.0)
-        hollow[len(self.boxes) :] *= -1 if self.hollow_draws else 1
+        hollow[len(rows) :] *= -1 if self.hollow_draws else 1
         return ShellPrediction(amodal, hollow, depths.float())
 
     @staticmethod
@@ -205,12 +208,13 @@ def test_no_object_is_longer_than_its_crop_is_wide():
 
 def test_the_first_hypothesis_is_the_best_guess_and_others_follow_their_codes():
     sets, _, model = completed(samples=3)
-    assert (model.codes[0] == 0).all()
     for number, hypothesis in enumerate(sets):
         for label, shell in hypothesis.shells.items():
             first = sets[0].shells[label]
             moved = shell.depths[1] - first.depths[1]
-            expected = 0.01 * float(model.codes[number, label - 1, 0])
+            codes = model.codes[label - 1]
+            assert (codes[0] == 0).all()
+            expected = 0.01 * float(codes[number, 0])
             thinner = np.minimum(*(np.subtract(*s.depths[[EXIT, ENTRY]]) for s in (shell, first)))
             is_thick = shell.amodal & first.amodal & (thinner > 2.1 * shell.voxel)
             assert is_thick.sum() > 50
@@ -281,6 +285,7 @@ def test_the_network_sees_colour_and_obstacles():
     torch.testing.assert_close(shown, torch.tensor([1.0, 0.0, 0.4]).expand_as(shown))
     assert crops.others[1].sum() > 50  # the sheet behind the second box
     alone = replace(view, workspace=None)
+    model.crops = None
     method.beside([ObjectSet(Objects(masks), {})], alone, torch.Generator())
     assert not model.crops.others[1].any()
 
@@ -289,7 +294,7 @@ def test_what_is_hardly_visible_has_no_shell():
     (hypothesis,), _, model = completed(explained=(1, 2, 3), min_pixels=10**5)
     assert not hypothesis.shells
     assert set(hypothesis.superquadrics) == {1, 2, 3}
-    assert model.codes is None  # the network isn't asked
+    assert model.crops is None  # the network isn't asked
 
 
 def test_of_several_views_and_of_no_object_nothing_is_said():

@@ -81,7 +81,8 @@ class ObjectSet:
         superquadrics: by label; None: volumes stay as they are.
         vessels: by label.
         evidence: about objects of which enough is visible, by label.
-        shells: other shapes of objects, by label; the assembly takes the more probable one.
+        shells: other shapes of objects, by label, made when they're asked for; the assembly takes
+            the more probable one.
     """
 
     objects: Objects

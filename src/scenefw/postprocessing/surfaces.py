@@ -1,5 +1,7 @@
 """Surfaces of signed distance volumes: of the whole scene, and watertight ones of each instance."""
 
+from collections.abc import Collection
+
 import numpy as np
 import torch
 from numpy.typing import ArrayLike, NDArray
@@ -40,7 +42,11 @@ def surface(tsdf: Tensor | ArrayLike, grid: GridSpec) -> TriangleMesh | None:
 
 
 def instance_meshes(
-    tsdf: Tensor | ArrayLike, instances: Tensor | ArrayLike, grid: GridSpec, smoothing: float = 1.0
+    tsdf: Tensor | ArrayLike,
+    instances: Tensor | ArrayLike,
+    grid: GridSpec,
+    smoothing: float = 1.0,
+    others: Collection[int] = (),
 ) -> dict[int, TriangleMesh]:
     """A watertight surface of each instance in world coordinates, by label.
 
@@ -53,19 +59,25 @@ def instance_meshes(
         instances: (X, Y, Z) labels, 0 = no object.
         grid: the voxel grid of both.
         smoothing: standard deviation of the Gaussian over s (voxels).
+        others: labels of which no surface is made.
 
     Raises:
         InputError: shapes do not fit the grid, or values are not finite.
     """
     meshes = {}
-    for label, (around, field) in instance_fields(tsdf, instances, grid, smoothing).items():
+    fields = instance_fields(tsdf, instances, grid, smoothing, others)
+    for label, (around, field) in fields.items():
         if (field < 0).any():
             meshes[label] = _marching_cubes(field, [span.start for span in around], grid)
     return meshes
 
 
 def instance_fields(
-    tsdf: Tensor | ArrayLike, instances: Tensor | ArrayLike, grid: GridSpec, smoothing: float = 1.0
+    tsdf: Tensor | ArrayLike,
+    instances: Tensor | ArrayLike,
+    grid: GridSpec,
+    smoothing: float = 1.0,
+    others: Collection[int] = (),
 ) -> dict[int, tuple[tuple[slice, ...], Array]]:
     """The field of each instance by label, in a box of the grid, as `instance_meshes` takes it.
 
@@ -74,6 +86,7 @@ def instance_fields(
         instances: (X, Y, Z) labels, 0 = no object.
         grid: the voxel grid of both.
         smoothing: of the cuts between instances (voxels).
+        others: labels of which no field is made.
 
     Raises:
         InputError: shapes do not fit the grid, or values are not finite.
@@ -83,7 +96,7 @@ def instance_fields(
         raise InputError(f"instances have shape {labels.shape}, expected {grid.shape} as the grid")
     fields = {}
     for label, box in enumerate(ndimage.find_objects(labels.astype(np.int64)), start=1):
-        if box is not None:
+        if box is not None and label not in others:
             around = _grown(box, _MARGIN, grid)
             instance_field = _separated(
                 field[around], labels[around], label, smoothing, grid.voxel_size

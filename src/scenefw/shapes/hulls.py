@@ -119,7 +119,7 @@ def hull_mesh(points: Array) -> TriangleMesh:
     hull = ConvexHull(points)
     indices = np.sort(hull.vertices)
     vertices, faces = points[indices], np.searchsorted(indices, hull.simplices)
-    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    a, b, c = np.moveaxis(vertices.take(faces, axis=0), 1, 0)
     outward = np.einsum("ij,ij->i", np.cross(b - a, c - a), hull.equations[:, :3]) > 0
     faces = np.where(outward[:, None], faces, faces[:, ::-1])
     return TriangleMesh(vertices, faces.astype(np.int64))

@@ -41,7 +41,7 @@ def moments(mesh: TriangleMesh) -> Moments:
     Of the two directions of an axis the one whose largest component is positive is taken.
     """
     origin = mesh.vertices.mean(axis=0)
-    corners = [(mesh.vertices - origin)[column] for column in mesh.faces.T]
+    corners = np.moveaxis((mesh.vertices - origin).take(mesh.faces, axis=0), 1, 0)
     volumes = np.einsum("ij,ij->i", corners[0], np.cross(corners[1], corners[2])) / 6
     total = float(volumes.sum())
     if abs(total) < _NOTHING:

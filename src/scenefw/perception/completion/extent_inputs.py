@@ -18,6 +18,7 @@ from scenefw.data.batches.object_ends import object_ends
 from scenefw.data.batches.view_frames import in_frame, view_frame
 from scenefw.data.batches.view_samples import ObjectSamples
 from scenefw.fitting.placed import MIN_HALF_AXIS, signed_distance
+from scenefw.perception.observation.points import points_by_label
 from scenefw.shapes.equal_descriptions import equal_descriptions
 
 if TYPE_CHECKING:
@@ -65,15 +66,16 @@ class ExtentInputs:
             )
         points = torch.zeros(rows, len(labels), samples.points, 3)
         sizes = torch.zeros(rows, len(labels))
+        visible_points = points_by_label(masks, view.points)
         for slot, label in enumerate(labels):
-            object_points = view.points[masks == label]
+            object_points = visible_points[label]
+            sizes[:, slot] = len(object_points) / masks.size
             inliers = object_points[
                 np.abs(signed_distance(fitted[slot], object_points)) < inlier_distance
             ]
             object_points = inliers if len(inliers) else object_points
             indices = random.integers(len(object_points), size=(rows, samples.points))
             points[:, slot] = torch.from_numpy(object_points[indices])
-            sizes[:, slot] = (masks == label).mean()
         eye = torch.from_numpy(np.asarray(view.eye, dtype=np.float32)).expand(rows, 3)
         visible = torch.ones(rows, len(labels), dtype=torch.bool)
         self._inputs = points, visible, sizes, _ends(view, masks, labels, eye, random, samples), eye

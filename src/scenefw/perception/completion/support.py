@@ -7,11 +7,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from scenefw.core.lazy_mapping import LazyMapping
 from scenefw.core.types import Pose
 from scenefw.fitting.placed import EDGE_POINTS, MIN_HALF_AXIS, in_frame_of, shape_of
 from scenefw.perception.observation.components import DETAIL, TOUCH
 from scenefw.perception.observation.free_space import free_ratio
-from scenefw.perception.observation.points import MIN_PARALLEL_COSINE, MINORITY, STRAYS
+from scenefw.perception.observation.points import (
+    MIN_PARALLEL_COSINE,
+    MINORITY,
+    STRAYS,
+    points_by_label,
+)
 from scenefw.shapes.object_shell import Foot
 
 if TYPE_CHECKING:
@@ -23,6 +29,7 @@ if TYPE_CHECKING:
     from scenefw.core.types import Float64, GridSpec
     from scenefw.perception.observation.observation import Observation
     from scenefw.perception.steps import ObjectSet
+    from scenefw.shapes.object_shell import ObjectShell
 
 
 def extend_to_support(
@@ -53,19 +60,23 @@ def extend_shells(hypothesis: ObjectSet, view: Observation) -> ObjectSet:
 
     What is visible of them stays as it is. Other objects are where their superquadrics are.
     """
-    shapes, masks = hypothesis.superquadrics or {}, hypothesis.objects.pixels
-    shells = {}
-    for label, shell in hypothesis.shells.items():
+    shapes = hypothesis.superquadrics or {}
+    visible_points = points_by_label(hypothesis.objects.pixels, view.points)
+
+    def extended(label: int) -> ObjectShell:
+        shell = hypothesis.shells[label]
         places = shell.places()
         bottom = float(np.quantile(places[:, 2], STRAYS))
         neighbours = [shape for other, shape in shapes.items() if other != label]
         footprint = places[:: len(places) // EDGE_POINTS**2 + 1]
         gap = _gap(footprint, bottom, neighbours, view.clear, view.grid)
-        lowest_visible = float(np.nanmin(view.points[masks == label][:, 2], initial=np.inf))
+        heights = visible_points.get(label, np.empty((0, 3)))[:, 2]
+        lowest_visible = float(np.nanmin(heights, initial=np.inf))
         top = max(min(lowest_visible, float(places[:, 2].max())), bottom + shell.pixel)
         foot = Foot(bottom - gap, bottom, top)
-        shells[label] = replace(shell, foot=foot) if gap else shell
-    return replace(hypothesis, shells=shells)
+        return replace(shell, foot=foot) if gap else shell
+
+    return replace(hypothesis, shells=LazyMapping(hypothesis.shells, extended))
 
 
 def _extend_down(
@@ -106,7 +117,11 @@ def _gap(
     probes = np.zeros((len(heights), len(footprint), 3))
     probes[..., :2], probes[..., 2] = footprint[:, :2], heights[:, None]
     support_mask = np.zeros(len(heights), dtype=bool)
+    low, high = footprint[:, :2].min(axis=0), footprint[:, :2].max(axis=0)
     for neighbour in neighbours:
+        radius, middle = np.linalg.norm(neighbour.half_axes), neighbour.pose.position[:2]
+        if (middle + radius < low).any() or (middle - radius > high).any():
+            continue
         inside = shape_of(neighbour).value(in_frame_of(neighbour, probes)) < 1
         support_mask |= inside.any(axis=1)
     support_index = int(support_mask.argmax()) if support_mask.any() else len(heights)

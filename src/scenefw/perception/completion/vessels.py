@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from scipy.ndimage import binary_erosion
 
+from scenefw.core.lazy_mapping import LazyMapping
 from scenefw.core.settings import NOT_NEGATIVE, SHARE, at_least
 from scenefw.fitting.placed import signed_distance
 from scenefw.perception.evidence.silhouettes import box_about
@@ -243,5 +244,6 @@ def with_vessels(hypothesis: ObjectSet, vessels: Mapping[int, FittedVessel]) -> 
     """The hypothesis with vessels in place of other shapes of these labels."""
     solid = hypothesis.superquadrics or {}
     solid = {label: shape for label, shape in solid.items() if label not in vessels}
-    shells = {label: shell for label, shell in hypothesis.shells.items() if label not in vessels}
+    others = [label for label in hypothesis.shells if label not in vessels]
+    shells = LazyMapping(others, hypothesis.shells.__getitem__)
     return replace(hypothesis, superquadrics=solid, vessels=vessels, shells=shells)

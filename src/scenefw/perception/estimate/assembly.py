@@ -106,7 +106,7 @@ class SceneAssembly:
                 estimate = plausible(estimate, view)
             if number == 0 and meshes:
                 shell_ids = _surer(*self.alternatives(estimate, meshes, view, agreement))
-            shells = {k: v for k, v in sets[number].shells.items() if k in shell_ids}
+            shells = {k: sets[number].shells[k] for k in sets[number].shells if k in shell_ids}
             estimate = with_confidence(
                 _with_shells(estimate, shells), view, agreement, self.calibration
             )
@@ -289,10 +289,11 @@ def scene_estimate(
     """
     tsdf, instances = sample.tsdf[0], sample.instances[0]
     placed = sample.placed[0] if sample.placed else {}
-    meshes = {**(solids or {}), **instance_meshes(tsdf, instances, grid)}
     exact = dict(sample.meshes[0]) if sample.meshes else {}
     exact |= {label: item.mesh() for label, item in placed.items()}
-    meshes |= {label: mesh for label, mesh in exact.items() if label in meshes}
+    lasting = {*(solids or {}), *torch.unique(instances).tolist()}
+    meshes = {**(solids or {}), **instance_meshes(tsdf, instances, grid, others=exact)}
+    meshes |= {label: mesh for label, mesh in exact.items() if label in lasting}
     return SceneEstimate(
         estimate_objects(meshes, confidence_of_label, placed),
         grid,

@@ -56,19 +56,22 @@ def whole_objects(
     new_labels = np.zeros(labels.shape, dtype=np.int32)
     main_parts, further_parts = [], []
     min_volume = EDGE**3  # less is a fragment
-    for label in np.unique(labels[labels > 0]):
-        parts, _ = ndimage.label(labels == label)
+    for label, box in enumerate(ndimage.find_objects(labels), start=1):
+        if box is None:
+            continue
+        parts, _ = ndimage.label(labels[box] == label)
         volumes = np.bincount(parts.ravel())[1:] * grid.voxel_size**3
         order = np.argsort(-volumes, kind="stable")
         if label in lasting:
             if volumes[order[0]] >= min_volume:
-                new_labels[parts == order[0] + 1] = label
+                new_labels[box][parts == order[0] + 1] = label
             continue
         if volumes[order[0]] >= min_volume:
-            main_parts.append(parts == order[0] + 1)
-        further_parts += [parts == i + 1 for i in order[1:] if volumes[i] >= min_volume]
-    for number, mask in enumerate([*main_parts, *further_parts], start=max(lasting, default=0) + 1):
-        new_labels[mask] = number
+            main_parts.append((box, parts == order[0] + 1))
+        further_parts += [(box, parts == i + 1) for i in order[1:] if volumes[i] >= min_volume]
+    first_number = max(lasting, default=0) + 1
+    for number, (box, mask) in enumerate([*main_parts, *further_parts], start=first_number):
+        new_labels[box][mask] = number
     leftover = torch.from_numpy(inside & (new_labels == 0)).to(tsdf.device)
     shape = torch.where(leftover, torch.full_like(tsdf, grid.voxel_size / 2), tsdf)
     return shape, torch.from_numpy(new_labels).to(instances.device)

@@ -41,9 +41,12 @@ def without_holes(masks: Int32, heights: Float64) -> Int32:
             on_border = (padded_holes > 0) & (neighbours > 0)
             borders.append(padded_holes[on_border])
             owners.append(neighbours[on_border])
-    pairs, lengths = np.unique(
-        np.stack([np.concatenate(borders), np.concatenate(owners)]), axis=1, return_counts=True
+    base = int(padded_labels.max()) + 1
+    keys, lengths = np.unique(
+        np.concatenate(borders).astype(np.int64) * base + np.concatenate(owners),
+        return_counts=True,
     )
+    pairs = np.stack(np.divmod(keys, base))
     total = np.bincount(pairs[0], lengths, minlength=count + 1)
     enclosed = (pairs[1] > 1) & (lengths >= (1 - MINORITY) * total[pairs[0]])
     filled = np.zeros(count + 1, dtype=masks.dtype)

@@ -19,7 +19,7 @@ from scenefw.perception.observation.components import DETAIL, TOUCH
 from scenefw.perception.observation.image_turns import turned_pixels
 from scenefw.perception.observation.object_masks import footprint_hull
 from scenefw.perception.observation.pixels import coarse_step
-from scenefw.perception.observation.points import MIN_POINTS, MINORITY
+from scenefw.perception.observation.points import MIN_POINTS, MINORITY, points_by_label
 from scenefw.shapes.moments import moments
 from scenefw.shapes.vessel import Vessel
 
@@ -105,10 +105,9 @@ class _Checks:
         self.depth = self.depth[:: self.stride, :: self.stride]
         masks = estimate.masks
         assert masks is not None
-        measured = np.isfinite(view.points[..., 2])
-        self.visible = {
-            item.id: view.points[(masks == item.id) & measured] for item in estimate.objects
-        }
+        measured_masks = np.where(np.isfinite(view.points[..., 2]), masks, 0)
+        self.visible = dict.fromkeys((item.id for item in estimate.objects), np.empty((0, 3)))
+        self.visible |= points_by_label(measured_masks, view.points)
 
     def flaws_of(self, item: ObjectEstimate) -> float:
         """`flaws` of an object; a vessel's volume is that of what it may hold, too.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from copy import copy
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,7 +19,7 @@ from scenefw.perception.observation.pixels import WIDTH
 from scenefw.perception.observation.points import MIN_POINTS, MINORITY
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Collection, Sequence
 
     from numpy.typing import NDArray
 
@@ -82,22 +83,28 @@ class EvidenceGathering:
 
     def of(self, label: int, objects: Objects, view: ViewGeometry) -> Evidence:
         """The evidence about the object with this label; it may have no points."""
-        return self.of_each([label], objects, view)[0]
+        return self.of_each([[label]], objects, view)[0]
 
     def of_each(
-        self, labels: Sequence[int], objects: Objects, view: ViewGeometry
+        self, groups: Sequence[Collection[int]], objects: Objects, view: ViewGeometry
     ) -> list[Evidence]:
-        """The evidence about objects with these labels."""
+        """The evidence about objects, each of which is a group of labels."""
         masks = objects.pixels
-        boxes = find_objects(masks)
+        boxes = dict(enumerate(find_objects(masks), start=1))
         foreground = masks > 0 if view.mixed is None else (masks > 0) & ~view.mixed
-        surface = view.points[foreground], masks[foreground]
-        return [
-            self._evidence(
-                label, boxes[label - 1] if label <= len(boxes) else None, surface, objects, view
-            )
-            for label in labels
-        ]
+        places, labels = view.points[foreground], masks[foreground]
+        evidence = []
+        for group in groups:
+            label, members, merged = min(group), sorted(group), objects
+            table = np.arange(max(len(boxes), *members) + 1, dtype=masks.dtype)
+            table[members] = label
+            if len(members) > 1:
+                merged = replace(objects, masks=table[masks])
+            visible_boxes = [box for member in members if (box := boxes.get(member)) is not None]
+            box = _union(visible_boxes) if visible_boxes else None
+            surface = places, table[labels]
+            evidence.append(self._evidence(label, box, surface, merged, view))
+        return evidence
 
     def _evidence(
         self,
@@ -208,6 +215,14 @@ def _rows_in_box(points: Float64, low: Float64, high: Float64) -> NDArray[np.int
         values = points[rows, axis]
         rows = rows[(values > low[axis]) & (values < high[axis])]
     return rows
+
+
+def _union(boxes: Sequence[Box]) -> Box:
+    """The box about all of them."""
+    return tuple(
+        slice(min(side.start for side in sides), max(side.stop for side in sides))
+        for sides in zip(*boxes, strict=True)
+    )
 
 
 def _padded_box(mask: Mask) -> tuple[slice, ...]:

@@ -9,12 +9,13 @@ import numpy as np
 
 from scenefw.core.settings import NOT_NEGATIVE
 from scenefw.perception.evidence.visible_instances import visible_instances
-from scenefw.perception.observation.points import MIN_POINTS, STRAYS
+from scenefw.perception.observation.points import MIN_POINTS, STRAYS, points_by_label
 from scenefw.perception.steps import Fits
 
 if TYPE_CHECKING:
     from scenefw.core.evidence import Evidence
     from scenefw.core.protocols import ShapeFit
+    from scenefw.core.types import Float64
     from scenefw.perception.evidence.gathering import EvidenceGathering
     from scenefw.perception.observation.observation import ViewGeometry
     from scenefw.perception.steps import Objects
@@ -62,15 +63,15 @@ class ObjectFit:
         volumes = np.zeros(0, np.int32) if objects.instances is None else objects.instances
         volume_labels = np.unique(volumes[volumes > 0])
         labels = np.union1d(volume_labels, masks[masks > 0]).astype(int).tolist()
-        labels = [k for k in labels if k in volume_labels or self._is_standing(k, objects, view)]
-        observations = self.evidence.of_each(labels, objects, view)
+        points = points_by_label(masks, view.points)
+        labels = [k for k in labels if k in volume_labels or self._is_standing(points[k], view)]
+        observations = self.evidence.of_each([[k] for k in labels], objects, view)
         evidence = dict(zip(labels, observations, strict=True))
         sigma = self.evidence.visible_sigma
         return {k: e for k, e in evidence.items() if (e.sigmas == sigma).sum() >= MIN_POINTS}
 
-    def _is_standing(self, label: int, objects: Objects, view: ViewGeometry) -> bool:
+    def _is_standing(self, points: Float64, view: ViewGeometry) -> bool:
         """Whether what is visible of an object without a volume is in the grid and above it."""
-        points = view.points[objects.pixels == label]
         voxels = view.grid.to_voxels(points)
         inside = ((voxels > 0) & (voxels < view.grid.resolution - 1)).all(axis=-1)
         high = np.quantile(points[:, 2], 1 - STRAYS) > self.min_height

@@ -11,7 +11,7 @@ from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from scenefw.perception.estimate.carving import carve
 from scenefw.perception.observation.object_masks import footprint_hulls
-from scenefw.perception.observation.points import SAMPLE
+from scenefw.perception.observation.points import SAMPLE, points_by_label
 from scenefw.perception.steps import Objects
 
 if TYPE_CHECKING:
@@ -59,8 +59,8 @@ def hulls(segments: Int32, view: ViewGeometry) -> tuple[Float32, Int32]:
     distance = np.full(grid.shape, grid.truncation, np.float32)
     owner = np.zeros(grid.shape, np.int32)
     nearest = np.full(grid.shape, np.inf, np.float32)
-    for label in np.unique(segments[segments > 0]):
-        points = thinned(view.points[segments == label])
+    for label, segment_points in points_by_label(segments, view.points).items():
+        points = thinned(segment_points)
         hull = hull_distance(points, centres, grid)
         if hull is None:
             continue

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from scenefw.core.settings import POSITIVE, at_least
 from scenefw.fitting.placed import OUTLIERS, signed_distance
 from scenefw.perception.observation.floor import TABLE_HEIGHT
-from scenefw.perception.observation.points import DRAWS
+from scenefw.perception.observation.points import DRAWS, points_by_label
 from scenefw.perception.segmentation.regions import hiding
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ class FitMerging:
         """Objects (H, W), 0 = none, of parts (H, W) of a depth image (H, W; m)."""
         sizes = np.bincount(parts.ravel())
         large = [part for part in range(1, len(sizes)) if sizes[part] >= self.min_pixels]
-        points = {part: view.points[parts == part] for part in large}
+        points = points_by_label(parts, view.points)
         samples = {part: _Sample.of(points[part]) for part in large}
         groups: list[Group] = [frozenset([part]) for part in large]
         hide = hiding(parts, depth)

@@ -5,8 +5,6 @@ from __future__ import annotations
 import hashlib
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from scenefw.fitting.placed import robust_deviation
 from scenefw.perception.steps import Objects
 
@@ -46,20 +44,13 @@ class SegmentFits:
             masks: (H, W) labels, 0 = none.
             view: of their image.
         """
-        return self._fit_evidence(self.evidence.of_each(labels, Objects(masks), view), view)
+        return self.of_groups([[label] for label in labels], masks, view)
 
     def of_groups(
         self, groups: Sequence[Collection[int]], masks: Int32, view: ViewGeometry
     ) -> list[Fit]:
         """The same of segments that are taken for one object, for each group of labels."""
-        evidence = []
-        for group in groups:
-            label = min(group)
-            merged = np.where(np.isin(masks, list(group)), label, masks)
-            evidence.append(self.evidence.of(label, Objects(merged), view))
-        return self._fit_evidence(evidence, view)
-
-    def _fit_evidence(self, evidence: Sequence[Evidence], view: ViewGeometry) -> list[Fit]:
+        evidence = self.evidence.of_each(groups, Objects(masks), view)
         fits = self._fits if self._points is view.points else {}
         keys = [_digest(item) for item in evidence]
         new_evidence = {k: item for k, item in zip(keys, evidence, strict=True) if k not in fits}

@@ -54,7 +54,9 @@ def linked_parts(
         across: (H, W - 1) whether a pixel is joined to its right neighbour.
         down: (H - 1, W) whether it is to the one below.
     """
-    index = np.arange(mask.size).reshape(mask.shape)
+    count = int(mask.sum())
+    index = np.zeros(mask.shape, np.int32)
+    index[mask] = np.arange(count)
     rows, columns = [], []
     linked = iter((across, down))
     for a, b in neighbours():
@@ -62,10 +64,10 @@ def linked_parts(
         rows.append(index[a][link_mask])
         columns.append(index[b][link_mask])
     row, column = np.concatenate(rows), np.concatenate(columns)
-    links = coo_matrix((np.ones(len(row), bool), (row, column)), (mask.size, mask.size))
-    labels = connected_components(links, directed=False)[1].reshape(mask.shape)
-    component_labels = np.unique(labels[mask])
-    return np.where(mask, np.searchsorted(component_labels, labels) + 1, 0)
+    links = coo_matrix((np.ones(len(row), bool), (row, column)), (count, count))
+    labels = np.zeros(mask.shape, np.int64)
+    labels[mask] = connected_components(links, directed=False)[1] + 1 if count else 0
+    return labels
 
 
 def across_gaps(

@@ -108,12 +108,15 @@ class FloorFinder:
         upright = _UPRIGHT_WEIGHT + np.maximum(-normals[:, 1], 0.0)
         most = upright * self._inlier_ratios(sample, normals, heights)
         subset = all_points[:: max(1, len(all_points) // len(sample))]
+        margins = _margins(subset, 2 * self.inlier_distance)
+        image, sample_image = (rows[:, :2] / rows[:, 2:] for rows in (subset, sample))
         best, best_score = -1, -np.inf
         for i in np.argsort(-most):
             if most[i] <= best_score:  # nor has any plane after it a higher score
                 break
-            inliers = sample[self._inliers(sample, sample @ normals[i] + heights[i])]
-            seen_through = self._seen_through(subset, normals[i], heights[i], inliers)
+            is_on_plane = self._inliers(sample, sample @ normals[i] + heights[i])
+            is_hidden = subset @ normals[i] + heights[i] <= -margins
+            seen_through = _count_inside(image[is_hidden], sample_image[is_on_plane]) / len(subset)
             score = most[i] - upright[i] * seen_through
             if score > best_score:
                 best, best_score = i, score
@@ -126,17 +129,6 @@ class FloorFinder:
         ]
         distances = (part @ points.T + height for part, height in zip(*parts, strict=True))
         return np.concatenate([self._inliers(points, d).mean(axis=1) for d in distances])
-
-    def _seen_through(self, points: Array, normal: Array, height: float, inliers: Array) -> float:
-        """Share of points that a plane would hide, within the convex hull of its own points."""
-        distance = points @ normal + height
-        hidden = points[(distance < 0) & ~near_plane(points, distance, 2 * self.inlier_distance)]
-        try:
-            sides = ConvexHull(inliers[:, :2] / inliers[:, 2:]).equations
-        except (QhullError, ValueError):  # all on one line
-            return 0.0
-        heights = sides[:, :2] @ (hidden[:, :2] / hidden[:, 2:]).T + sides[:, 2:]
-        return float((heights < 0).all(axis=0).sum() / len(points))
 
     def _fit(self, points: Array, normal: Array, height: float) -> Floor:
         """Least-squares plane of the points that are near one, as near as their noise allows."""
@@ -181,12 +173,26 @@ def points_within(frame: Frame, farthest: float) -> Array:
     return points
 
 
+def _count_inside(places: Array, outline: Array) -> int:
+    """How many places (N, 2) are within the convex hull of others (M, 2)."""
+    try:
+        sides = ConvexHull(outline).equations
+    except (QhullError, ValueError):  # all on one line
+        return 0
+    return int(((sides[:, :2] @ places.T + sides[:, 2:]).max(axis=0) < 0).sum())
+
+
 def near_plane(points: Array, distance: Array, threshold: float) -> NDArray[np.bool_]:
     """Which points (N, 3) lie on a plane, by their distances (..., N) from it (m).
 
     `threshold` (m) holds up to a depth of 1 m, and grows with its square beyond.
     """
-    return np.abs(distance) < threshold * np.maximum(1.0, points[:, 2]) ** 2
+    return np.abs(distance) < _margins(points, threshold)
+
+
+def _margins(points: Array, threshold: float) -> Array:
+    """Threshold (N,) of each point (N, 3), as of `near_plane`."""
+    return threshold * np.maximum(1.0, points[:, 2]) ** 2
 
 
 def _fit_plane(points: Array) -> tuple[Array, float]:

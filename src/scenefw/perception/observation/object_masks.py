@@ -6,11 +6,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial import QhullError
+from scipy.ndimage import find_objects
+from scipy.spatial import ConvexHull, QhullError
 
 from scenefw.core.errors import InputError
 from scenefw.fitting.placed import OUTLIERS
-from scenefw.perception.observation.points import MINORITY, world_points
+from scenefw.perception.observation.points import MINORITY, points_by_label, world_points
 from scenefw.shapes.hulls import hull_mesh
 
 if TYPE_CHECKING:
@@ -57,18 +58,20 @@ def object_masks(mask: Int32, workspace: Workspace, grid: GridSpec, noise: float
     """
     pixels, numbers, warnings = np.zeros_like(mask), [], []
     points = world_points(workspace.frame)
-    for label in np.unique(mask[mask > 0]).tolist():
-        if label > MAX_ID:
-            raise InputError(f"the masks have an object {label}; give ids of 1 to {MAX_ID}")
-        shown = mask == label
-        visible, reason = _visible(shown, points, workspace.objects, grid, noise)
-        if not reason and footprint_hull(points[visible]) is None:
+    if mask.max(initial=0) > MAX_ID:
+        raise InputError(f"the masks have an object {mask.max()}; give ids of 1 to {MAX_ID}")
+    for label, box in enumerate(find_objects(mask), start=1):
+        if box is None:
+            continue
+        shown, raised = mask[box] == label, workspace.objects[box]
+        visible, reason = _visible(shown, points[box], raised, grid, noise)
+        if not reason and footprint_hull(points[box][visible]) is None:
             reason = f"its {visible.sum()} pixels with depth are too few, or in one line"
         if reason:
             warnings.append(f"object {label} of the masks is left out: {reason}")
             continue
         numbers.append(label)
-        pixels[visible] = len(numbers)
+        pixels[box][visible] = len(numbers)
     return ObjectMasks(pixels, tuple(numbers), tuple(warnings))
 
 
@@ -105,14 +108,16 @@ def footprint_hulls(masks: Int32, points: Float64) -> dict[int, TriangleMesh]:
         masks: (H, W) labels, 0 = none.
         points: (H, W, 3) of the pixels (m), finite where there is an object.
     """
-    labels = np.unique(masks[masks > 0]).tolist()
-    hulls = {label: footprint_hull(points[masks == label]) for label in labels}
+    hulls = {
+        label: footprint_hull(places) for label, places in points_by_label(masks, points).items()
+    }
     return {label: hull for label, hull in hulls.items() if hull is not None}
 
 
 def footprint_hull(points: Float64) -> TriangleMesh | None:
     """The convex hull of points (N, 3) and of their footprints on z = 0; None if it is flat."""
     try:
-        return hull_mesh(np.concatenate([points, points * (1, 1, 0)]))
+        outline = points[ConvexHull(points[:, :2]).vertices]
+        return hull_mesh(np.concatenate([points, outline * (1, 1, 0)]))
     except (QhullError, ValueError):  # all points in a plane, or none
         return None

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scenefw.core import geometry
-from scenefw.core.types import Camera, Frame
+from scenefw.core.types import Camera, Float64, Frame, Int32
 
 MAJORITY = 0.5
 """Ratio of points, pixels or objects above which it is most of them; so probable is likely."""
@@ -47,3 +47,17 @@ def camera_points(frame: Frame, stride: int = 1) -> NDArray[np.float64]:
 def world_points(frame: Frame, stride: int = 1) -> NDArray[np.float64]:
     """Points (H', W', 3), world coordinates (m), of every `stride`-th pixel; NaN without depth."""
     return geometry.transform_points(frame.camera.T_world_camera, camera_points(frame, stride))
+
+
+def points_by_label(labels: Int32, points: Float64) -> dict[int, Float64]:
+    """Points (N, 3) of the pixels with each label above 0, in the order of the image.
+
+    Args:
+        labels: (H, W), 0 = none.
+        points: (H, W, 3) of the pixels.
+    """
+    pixels = np.flatnonzero(labels > 0)
+    pixels = pixels[np.argsort(labels.ravel()[pixels], kind="stable")]
+    numbers, starts = np.unique(labels.ravel()[pixels], return_index=True)
+    groups = np.split(points.reshape(-1, 3)[pixels], starts[1:])
+    return dict(zip(numbers.tolist(), groups, strict=False))

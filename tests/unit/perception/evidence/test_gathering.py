@@ -60,11 +60,23 @@ def test_of_several_objects_each_has_the_evidence_that_it_has_alone(resolution):
     gathered = EvidenceGathering(border_pixels=4, passing_points=50)
     known = replace(geometry, eye=np.array([0.0, -0.85, 0.6]))
     labels = (2, 9, 1)
-    for label, found in zip(labels, gathered.of_each(labels, objects, known), strict=True):
+    each = gathered.of_each([[label] for label in labels], objects, known)
+    for label, found in zip(labels, each, strict=True):
         alone = gathered.of(label, objects, known)
         for name in ("points", "sigmas", "outside", "outside_sigmas"):
             np.testing.assert_array_equal(getattr(found, name), getattr(alone, name))
         assert bool(len(found.points)) == (label < 9)
+
+
+@pytest.mark.parametrize("resolution", [32, 64])
+def test_labels_taken_together_have_the_evidence_of_one_object(resolution):
+    objects, geometry = scene_of(resolution)
+    merged = replace(objects, masks=np.where(objects.masks == 2, 1, objects.masks))
+    gathered = EvidenceGathering(border_pixels=4)
+    (together,) = gathered.of_each([(2, 1)], objects, geometry)
+    alone = gathered.of(1, merged, geometry)
+    for name in ("points", "sigmas", "outside", "outside_sigmas"):
+        np.testing.assert_array_equal(getattr(together, name), getattr(alone, name))
 
 
 def test_an_object_that_nobody_sees_has_only_hints():

@@ -32,6 +32,14 @@ class ObjectCrops:
     cameras: CameraBatch
     colour: Tensor | None = None
 
+    def row(self, row: int) -> ObjectCrops:
+        """One of the crops, as N = 1."""
+        rows = slice(row, row + 1)
+        colour = None if self.colour is None else self.colour[rows]
+        return ObjectCrops(
+            self.depth[rows], self.visible[rows], self.others[rows], self.cameras.of(row), colour
+        )
+
 
 @dataclass(frozen=True)
 class Shells:

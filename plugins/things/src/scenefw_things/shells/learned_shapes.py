@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
+from scenefw.core.lazy_mapping import LazyMapping
 from scenefw.core.part_views import PartViewBatch
 from scenefw.kernels.cameras import camera_of, stack_cameras
 from scenefw.perception.observation.observation import Observation
@@ -16,7 +17,7 @@ from scenefw_things.shells.batches import ObjectCrops
 from scenefw_things.shells.crops import CropShape, crop, references, windows
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from scenefw.core.training_protocols import Trained
     from scenefw.core.types import Int32
@@ -61,24 +62,29 @@ class LearnedShapes:
         rows = (crops.visible.sum(dim=(1, 2)) >= self.crops.min_pixels).nonzero()[:, 0].tolist()
         if not rows:
             return list(sets)
-        prediction = self._sample(crops, samples, generator)
-        hypotheses = []
-        for number in range(samples):
-            shells = {}
-            for row in rows:
-                shell = _shell(prediction, number * len(labels) + row, crops, row, view)
-                if shell.amodal.any():
-                    shells[labels[row]] = shell
-            hypotheses.append(replace(sets[number], shells=shells))
-        return hypotheses
+        codes = torch.randn(samples, len(labels), self.model.latent_size, generator=generator)
+        codes[0] = 0
+        best = self._sample(crops, codes[:1])
+        guesses = {labels[row]: _shell(best, row, crops, row, view) for row in rows}
+        guesses = {label: shell for label, shell in guesses.items() if shell.amodal.any()}
+
+        def drawn(label: int) -> list[ObjectShell]:
+            row = labels.index(label)
+            crop_of_object = crops.row(row)
+            prediction = self._sample(crop_of_object, codes[:, row : row + 1])
+            shells = [_shell(prediction, n, crop_of_object, 0, view) for n in range(samples)]
+            return [shell if shell.amodal.any() else guesses[label] for shell in shells]
+
+        draws = LazyMapping(guesses, drawn)  # most objects keep their superquadrics
+
+        def shells_of(number: int) -> Mapping[int, ObjectShell]:
+            return LazyMapping(guesses, lambda label: draws[label][number]) if number else guesses
+
+        return [replace(item, shells=shells_of(number)) for number, item in enumerate(sets)]
 
     @torch.no_grad()
-    def _sample(
-        self, crops: ObjectCrops, samples: int, generator: torch.Generator
-    ) -> ShellPrediction:
-        """Shells of S N crops, the best guesses first."""
-        codes = torch.randn(samples, len(crops.depth), self.model.latent_size, generator=generator)
-        codes[0] = 0
+    def _sample(self, crops: ObjectCrops, codes: torch.Tensor) -> ShellPrediction:
+        """Shells of N crops and S codes (S, N, latent_size) of each, the best guesses first."""
         return self.model.sample(crops, codes.to(crops.depth.device))
 
     def _crops(self, masks: Int32, labels: list[int], view: Observation) -> ObjectCrops:
