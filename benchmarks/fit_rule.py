@@ -1,4 +1,4 @@
-"""Fits the questions of map_label_source=by_rule to true maps: python -m benchmarks.fit_rule.
+"""Fits the questions of label_source=by_rule to true maps: python -m benchmarks.fit_rule.
 
 Prints the mean IoU on validation tables for trees of several sizes, and the best one as YAML.
 """

@@ -168,7 +168,7 @@ def test_chapters_do_not_carry_what_another_chose():
         assert group in stacks
         assert group not in labelling
     assert labelling.dataset._target_.endswith("TabletopScenes")
-    assert labelling.gallery._target_.endswith("NoGallery")
+    assert labelling.gallery is None
     assert labelling.showcase._target_.endswith("NoShowcase")
     assert labelling.presentation.package == "scenefw_labelling_studies.report"
 
@@ -252,9 +252,9 @@ def test_registry_names_near_misses(words, expected):
 
 
 def test_parts_of_maps_are_chosen_as_typed():
-    words = ["run=label", "labelling=view_based", "semantics=image_space_fusion"]
+    words = ["run=label", "labelling=image_space"]
     settings = OmegaConf.to_container(config.compose(words), resolve=True)["run"]
-    assert settings["strategies"]["view_based"]["labels"]["_target_"].endswith("ImageSpaceFusion")
+    assert settings["strategies"]["image_space"]["labels"]["_target_"].endswith("ImageSpaceFusion")
     assert settings["odometry"]["_target_"].endswith("RGBDOdometry")
 
 

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-EVALUATE = ("experiment=simstack", "run=evaluate", "debug=smoke", "gallery=none")
+EVALUATE = ("experiment=simstack", "run=evaluate", "debug=smoke", "gallery=null")
 
 
 def test_a_release_is_counted(scenefw, tmp_path):

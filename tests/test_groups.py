@@ -37,7 +37,6 @@ def test_every_group_says_what_it_is():
 
 
 WITHOUT_PROTOCOL = {
-    "callback": "Lightning's callbacks",
     "card": "data alone: words and names of figures",
     "learning": "subclasses of TrainingModule",
     "noise_per_scene": "noises of group noise, by scene",
@@ -64,7 +63,7 @@ def test_a_group_says_which_verbs_read_it():
 def test_verbs_follow_references_through_options():
     """Of the verbs that this test itself relies on."""
     assert {"learning", "model", "loss", "dataset", "renderer"} <= read_by("train")
-    assert {"labelling", "semantics", "label_source", "key_frames"} <= read_by("label")
+    assert {"labelling", "label_source", "key_frames"} <= read_by("label")
     assert "model" not in read_by("evaluate")
     assert {"label_source", "presentation"} <= read_by("pipeline")  # of any evaluation
 

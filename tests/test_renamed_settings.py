@@ -14,7 +14,7 @@ CATALOGUE = registry.catalogue()
 
 def exists(option):
     group, _, name = option.partition("=")
-    return name in CATALOGUE.get(group, {})
+    return name in CATALOGUE.get(group.partition("@")[0], {})
 
 
 def test_old_names_are_no_options_anymore_and_new_ones_are():

@@ -94,7 +94,7 @@ from scenefw.core.errors import ConfigError
 
 @pytest.fixture
 def plugin(tmp_path):
-    """Writes a class and its option into a plugin of the folder in which scenefw runs."""
+    """Writes a class and its option, if any, into a plugin of the folder in which scenefw runs."""
 
     def write(option, name, code, arguments=""):
         folder = tmp_path / "plugins" / "mine"
@@ -102,6 +102,9 @@ def plugin(tmp_path):
         package.mkdir(parents=True, exist_ok=True)
         (folder / "pyproject.toml").write_text(PROJECT.format(name="mine"))
         (package / f"{name.lower()}.py").write_text(IMPORTS + code)
+        (folder / "conf").mkdir(exist_ok=True)
+        if option is None:
+            return
         target = f"_target_: scenefw_mine.{name.lower()}.{name}\n{arguments}"
         group = option.partition("/")[0]
         if group != "model":
@@ -166,11 +169,13 @@ def test_a_network_and_a_loss_are_a_few_lines(plugin, scenefw, tmp_path):
     assert "flat needs 16 voxels" in done.stderr
 
 
-def test_a_callback_and_a_logger_are_three_files_each(plugin, scenefw, tmp_path):
-    plugin("callback/steps", "Steps", CALLBACK, "path: ${paths.output}/steps.txt\n")
-    plugin("logger/lines", "Lines", LOGGER)
-    words = ("run=train", *SMOKE, "callback=[steps]", "logger=[lines]", "run.log_every=1")
-    done = scenefw(*words)
+def test_a_callback_and_a_logger_are_a_setting_each(plugin, scenefw, tmp_path):
+    plugin(None, "Steps", CALLBACK)
+    plugin(None, "Lines", LOGGER)
+    words = ["+callback.steps._target_=scenefw_mine.steps.Steps", "logger.csv=null"]
+    words += ["+callback.steps.path=${paths.output}/steps.txt", "callback.progress=null"]
+    words += ["+logger.lines._target_=scenefw_mine.lines.Lines", "logger.tensorboard=null"]
+    done = scenefw("run=train", *SMOKE, *words, "run.log_every=1")
     assert done.returncode == 0, done.stderr[-3000:]
     assert (tmp_path / "out" / "steps.txt").read_text() == "1\n2\n"
     lines = (tmp_path / "out" / "training" / "lines.txt").read_text().splitlines()

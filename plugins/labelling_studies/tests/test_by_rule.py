@@ -17,7 +17,7 @@ GRID = HeightGrid(65, 0.064)
 
 def mean_iou_of(option, dataset, tables):
     """Of the rule on true heights of validation tables."""
-    rule = registry.build("map_label_source", option)
+    rule = registry.build("label_source", option)
     source = registry.build(
         "dataset", dataset, split="validation", limit=tables, cache=None, vertices=513
     )

@@ -152,7 +152,7 @@ class RunningLabels(Protocol):
 
 @runtime_checkable
 class SemanticMapping(Protocol):
-    """Fuses labelled views into the vertices of a height map (group `semantics`)."""
+    """Fuses labelled views into the vertices of a height map (setting `semantics`)."""
 
     @property
     def reads_map(self) -> bool:
@@ -189,7 +189,7 @@ class LabelSource(Protocol):
 
 @runtime_checkable
 class MapLabelSource(Protocol):
-    """Labels the vertices of a height map (group `map_label_source`)."""
+    """Labels the vertices of a height map (group `label_source`)."""
 
     @property
     def classes(self) -> Sequence[str]:

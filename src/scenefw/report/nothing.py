@@ -1,16 +1,8 @@
-"""Empty galleries and showcases, for runs without examples or data on their page."""
+"""An empty showcase, for runs without data on their page."""
 
 from collections.abc import Mapping
 
-from scenefw.report.blocks import Block, Section
-
-
-class NoGallery:
-    """No examples."""
-
-    def show(self) -> tuple[Block, ...]:
-        """Nothing."""
-        return ()
+from scenefw.report.blocks import Section
 
 
 class NoShowcase:

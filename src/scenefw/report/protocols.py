@@ -16,7 +16,7 @@ class Presentation(Protocol):
 
 
 class Gallery(Protocol):
-    """Examples of what methods make of single scenes (group `gallery`)."""
+    """Examples of what methods make of single scenes (setting `gallery`)."""
 
     def show(self) -> Sequence[Block]:
         """The blocks below the heading of the examples; empty = no such section."""

@@ -12,14 +12,14 @@ EXAMPLES = "Predictions beside ground truth"
 
 
 def result_sections(
-    result: Result, presentation: Presentation, gallery: Gallery, folder: Path
+    result: Result, presentation: Presentation, gallery: Gallery | None, folder: Path
 ) -> list[Section]:
     """Prints the first tables of a result; its sections, examples second if there are any.
 
     Args:
         result: of an evaluation.
         presentation: makes the sections.
-        gallery: makes the examples.
+        gallery: makes the examples; None: there are none.
         folder: of the page.
 
     Raises:
@@ -30,5 +30,5 @@ def result_sections(
     print_tables(with_tables[:1])
     if with_tables[1:]:
         print(f"more tables: {', '.join(section.title for section in with_tables[1:])}")
-    examples = tuple(gallery.show())
+    examples = () if gallery is None else tuple(gallery.show())
     return [*sections[:1], *([Section(EXAMPLES, examples)] if examples else []), *sections[1:]]

@@ -16,7 +16,7 @@ class Evaluate:
     Args:
         evaluation: what to run.
         presentation: how its result looks.
-        gallery: shows examples.
+        gallery: shows examples; None: no examples.
         page: writes the report.
         output: the run's folder.
     """
@@ -25,7 +25,7 @@ class Evaluate:
         self,
         evaluation: Evaluation,
         presentation: Presentation,
-        gallery: Gallery,
+        gallery: Gallery | None,
         page: ResultPage,
         output: str | Path,
     ) -> None:

@@ -304,6 +304,6 @@ def _say_doubt(path: Path, height_map: HeightMap) -> None:
             f"{path}: of the half of the map nearest to the table's plane, "
             f"{len(things) / len(labels):.0%} is labelled as things, mostly {name}; these "
             "labels are doubtful. Heights alone tell tables from things: labelling=map_based "
-            "map_label_source=by_height",
+            "label_source@map_label_source=by_height",
             file=sys.stderr,
         )

@@ -24,7 +24,7 @@ class Pipeline:
         losses: table that it leaves.
         evaluation: makes the evaluation, called after the training, as it may load its weights.
         presentation: how the result looks.
-        gallery: shows examples.
+        gallery: shows examples; None: no examples.
         page: writes the report.
         output: the run's folder.
     """
@@ -36,7 +36,7 @@ class Pipeline:
         losses: str | Path,
         evaluation: Callable[[], Evaluation],
         presentation: Presentation,
-        gallery: Gallery,
+        gallery: Gallery | None,
         page: ResultPage,
         output: str | Path,
     ) -> None:

@@ -43,8 +43,9 @@ class Train:
         snapshot_steps: steps between snapshots instead, if given.
         log_every: steps between losses that are logged.
         name: file name of the exported weights, without suffix.
-        callbacks: what else happens beside the steps, by name; None: `progress` and `divergence`.
-        loggers: what keeps losses and scores, by name; None: `csv`.
+        callbacks: what else happens beside the steps, by name, without those that are None; None:
+            `progress` and `divergence`.
+        loggers: what keeps losses and scores, by name, likewise; None: `csv`.
         may_change: facts of the training, such as batch_size, in which the state that it resumes
             may differ: its legs may have other batches, on another machine for example.
         half: export weights as float16.
@@ -62,8 +63,8 @@ class Train:
         snapshot_steps: int | None = None,
         log_every: int = 20,
         name: str = "simstack",
-        callbacks: Mapping[str, lightning.Callback] | None = None,
-        loggers: Mapping[str, TrainingLogger] | None = None,
+        callbacks: Mapping[str, lightning.Callback | None] | None = None,
+        loggers: Mapping[str, TrainingLogger | None] | None = None,
         may_change: Collection[str] = (),
         *,
         fresh: bool = False,
@@ -79,8 +80,9 @@ class Train:
         self.weights = f"{require_name(name, 'run.name')}.safetensors"
         if callbacks is None:
             callbacks = {"progress": ProgressBar(), "divergence": Divergence()}
-        self.callbacks = dict(callbacks)
-        self.loggers = dict(loggers) if loggers is not None else {"csv": LossTable()}
+        loggers = {"csv": LossTable()} if loggers is None else loggers
+        self.callbacks = {name: item for name, item in callbacks.items() if item is not None}
+        self.loggers = {name: item for name, item in loggers.items() if item is not None}
         self.log_every, self.fresh, self.half, self.lean = log_every, fresh, half, lean
         self.learning.may_change = self.may_change = tuple(may_change)
 

@@ -35,7 +35,7 @@ class TrainAndEvaluate:
         train: Task,
         evaluation: Callable[[], Evaluation],
         presentation: Presentation,
-        gallery: Callable[[], Gallery],
+        gallery: Callable[[], Gallery | None],
         page: ResultPage,
         output: str | Path,
         weights: str | Path,

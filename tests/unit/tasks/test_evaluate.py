@@ -6,7 +6,6 @@ import pytest
 
 from scenefw.core.measures import Measure
 from scenefw.report.blocks import Picture, Section
-from scenefw.report.nothing import NoGallery
 from scenefw.report.page import Page
 from scenefw.report.presentation import Figures
 from scenefw.report.tables import Table
@@ -44,7 +43,7 @@ def test_figures_page_and_tables(tmp_path, capsys):
 
 
 def test_without_examples_there_is_no_section_of_them(tmp_path):
-    Evaluate(_Evaluation(), Figures(), NoGallery(), Page(), tmp_path).run()
+    Evaluate(_Evaluation(), Figures(), None, Page(), tmp_path).run()
     assert "Predictions" not in (tmp_path / "report.html").read_text()
 
 
@@ -57,7 +56,7 @@ class _Tables:
 
 
 def test_the_console_shows_the_first_table_and_names_the_others(tmp_path, capsys):
-    Evaluate(_Evaluation(), _Tables(), NoGallery(), Page(), tmp_path).run()
+    Evaluate(_Evaluation(), _Tables(), None, Page(), tmp_path).run()
     printed = capsys.readouterr().out
     assert "skill" in printed
     assert "shapes" not in printed

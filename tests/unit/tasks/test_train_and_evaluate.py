@@ -6,7 +6,6 @@ import pytest
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.measures import Measure
-from scenefw.report.nothing import NoGallery
 from scenefw.report.page import Page
 from scenefw.report.presentation import Figures
 from scenefw.tasks.train_and_evaluate import TrainAndEvaluate
@@ -38,7 +37,7 @@ def task(folder, **changes):
         "train": Training(weights),
         "evaluation": lambda: Evaluation(weights),
         "presentation": Figures(),
-        "gallery": NoGallery,
+        "gallery": lambda: None,
         "page": Page("Both"),
         "output": folder,
         "weights": weights,

@@ -5,7 +5,7 @@ from scenefw_object_count.evaluation import CountEvaluation
 
 
 class CountExamples:
-    """A table with a row per view: the true number, and the probability of each (group `gallery`).
+    """A row per view: the true number, and the probability of each (setting `gallery`).
 
     Args:
         evaluation: makes the views; its main method counts.

@@ -84,7 +84,7 @@ class Snapshots(lightning.Callback):
 class ProgressBar(lightning.Callback):
     """A rich bar with rate, memory, losses and time left, whichever limit comes first.
 
-    Without a terminal it prints lines instead (group `callback`).
+    Without a terminal it prints lines instead (setting `callback`).
 
     Args:
         lines: seconds between lines without a terminal.

@@ -64,7 +64,7 @@ class TensorBoard:
         except ImportError:
             print(
                 "no curves for TensorBoard, as the package is missing: pip install tensorboard, or "
-                "leave it out with logger=[csv]",
+                "leave it out with logger.tensorboard=null",
                 file=sys.stderr,
             )
             return
