@@ -9,12 +9,12 @@ from scenefw.core.errors import InputError
 from scenefw_decomposing.scene_meshes import is_mesh, read_scene_mesh
 
 
-def tall(path, factor=1.0):
+def tall(path, factor=1.0, **export):
     """A box 10 x 20 x 30 cm, z up as the format says it."""
     box = trimesh.creation.box((0.1 * factor, 0.2 * factor, 0.3 * factor))
     if path.suffix in (".glb", ".gltf"):
         box.apply_transform(trimesh.transformations.rotation_matrix(-np.pi / 2, [1, 0, 0]))
-    box.export(path)
+    box.export(path, **export)
     return path
 
 
@@ -64,6 +64,13 @@ def test_unusable_files(tmp_path):
     (tmp_path / "cut.stl").write_bytes((tmp_path / "cut.stl").read_bytes()[:-60])
     with pytest.raises(InputError, match=r"cut\.stl holds no mesh, or only the beginning of one"):
         read_scene_mesh(tmp_path / "cut.stl")
+    for name, encoding in (("cut.off", {}), ("cut.ply", {"encoding": "ascii"})):
+        tall(tmp_path / name, **encoding)
+        lines = (tmp_path / name).read_text().splitlines()
+        read_scene_mesh(tmp_path / name)
+        (tmp_path / name).write_text("\n".join(lines[:-3]))
+        with pytest.raises(InputError, match=f"{name} holds no mesh, or only the beginning"):
+            read_scene_mesh(tmp_path / name)
     trimesh.PointCloud(np.random.default_rng(0).random((9, 3))).export(tmp_path / "points.ply")
     with pytest.raises(InputError, match="no triangles; make a surface"):
         read_scene_mesh(tmp_path / "points.ply")

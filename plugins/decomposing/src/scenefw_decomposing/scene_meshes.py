@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,12 @@ from scenefw.core.types import Float64, TriangleMesh
 
 MESHES = (".ply", ".obj", ".stl", ".off", ".glb", ".gltf")
 _Y_UP = (".glb", ".gltf")  # by their standard
+_WITH_COUNT = {
+    ".ply": re.compile(rb"^element\s+face\s+(\d+)", re.MULTILINE),
+    ".off": re.compile(rb"\A\s*\w*OFF\b(?:\s|#.*)+\d+\s+(\d+)"),
+}
+"""Where a format's header says how many faces follow."""
+_HEADER = 1 << 16  # bytes, in which a header ends
 _MAX_WIDTH = 20.0  # m: what is wider was given in millimetres
 _MIN_WIDTH = 0.02  # m
 _SCALE_SETTING = "run.mesh_scale (from Python: mesh_scale)="
@@ -50,7 +57,7 @@ def read_scene_mesh(path: Path | str, scale: float = 1.0) -> tuple[TriangleMesh,
         T = geometry.rigid(np.column_stack([x, z, -y]), np.zeros(3)) @ T  # noqa: N806
     vertices = geometry.transform_points(T, mesh.vertices)
     faces = np.asarray(mesh.faces, np.int64).reshape(-1, 3)
-    if not len(faces) and path.suffix.lower() == ".stl":  # which can't hold points alone
+    if len(faces) < _least_faces(path):
         raise InputError(f"{path} holds no mesh, or only the beginning of one; copy it again")
     if not len(faces):
         raise InputError(
@@ -58,6 +65,17 @@ def read_scene_mesh(path: Path | str, scale: float = 1.0) -> tuple[TriangleMesh,
         )
     _require_metres(path, vertices)
     return TriangleMesh(vertices, faces), T
+
+
+def _least_faces(path: Path) -> int:
+    """Faces that a file of this format has at least: as its header says, or one."""
+    suffix = path.suffix.lower()
+    if suffix not in _WITH_COUNT:
+        return 1 if suffix == ".stl" else 0  # which can't hold points alone
+    with path.open("rb") as file:
+        header = file.read(_HEADER)
+    match = _WITH_COUNT[suffix].search(header)
+    return int(match[1]) if match else 0
 
 
 def _require_metres(path: Path, vertices: np.ndarray) -> None:
