@@ -9,6 +9,7 @@ from scipy.constants import golden
 from scipy.ndimage import distance_transform_edt
 
 from scenefw.perception.observation.components import TOUCH
+from scenefw.perception.observation.floor import TABLE_HEIGHT
 from scenefw.perception.observation.pixels import BLUR, REACH, WIDTH
 
 if TYPE_CHECKING:
@@ -16,13 +17,11 @@ if TYPE_CHECKING:
 
     from scenefw.core.types import Float64
 
-_MAX_DEPTH_BEHIND = 0.15  # m behind the object's edge: as far as places lie
-
 
 def passed_places(mask: NDArray[np.bool_], points: Float64, eye: Float64, count: int) -> Float64:
     """Free places (K, 3) on rays that pass an object closely, K at most `count`, in metres.
 
-    They are as far away as the object's edge beside them, or up to `_MAX_DEPTH_BEHIND` further.
+    They are as far away as the object's edge beside them, or up to `TABLE_HEIGHT` further.
     Where something nearer hides what is there, or nothing was measured, a ray says nothing.
 
     Args:
@@ -45,7 +44,7 @@ def passed_places(mask: NDArray[np.bool_], points: Float64, eye: Float64, count:
     samples = candidates[:: -(-len(candidates) // count)] if len(candidates) else candidates
     share = np.modf(golden * np.arange(len(samples)))[0]  # even, and differs along the silhouette
     sample_depths = edges[samples] + share * np.minimum(
-        depths[samples] - TOUCH - edges[samples], _MAX_DEPTH_BEHIND
+        depths[samples] - TOUCH - edges[samples], TABLE_HEIGHT
     )
     return np.asarray(
         eye + rays[samples] * (sample_depths / depths[samples])[:, None], dtype=np.float64

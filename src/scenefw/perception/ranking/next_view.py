@@ -11,6 +11,7 @@ from scenefw.core.errors import InputError
 from scenefw.core.geometry import inverse, look_at, transform_points
 from scenefw.core.types import Float64
 from scenefw.perception.estimate.base_frame import floor_pose, in_base
+from scenefw.perception.observation.points import MIN_PARALLEL_COSINE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,9 +19,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from scenefw.core.types import Camera, GridSpec, SceneEstimate
-
-_MIN_ELEVATION, _MAX_ELEVATION = 15.0, 75.0  # degrees above the floor, of sampled views
-_STEP = 0.5  # voxels between the places at which a line of sight is tested
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +111,8 @@ def views_around(scene: SceneEstimate, count: int = 48) -> list[Float64]:
         points = np.concatenate(vertices)
         middle = (points.min(axis=0) + points.max(axis=0)) / 2
     distance = float(np.linalg.norm(scene.frame.camera.T_world_camera[:3, 3] - middle))
-    low, high = np.sin(np.radians([_MIN_ELEVATION, _MAX_ELEVATION]))
+    high = MIN_PARALLEL_COSINE  # neither along the floor nor straight down
+    low = np.sqrt(1 - high**2)
     heights = low + (np.arange(count) + 0.5) / count * (high - low)
     angles = np.arange(count) * np.pi * (3 - np.sqrt(5))  # the golden angle: a Fibonacci lattice
     radii = np.sqrt(1 - heights**2)
@@ -143,8 +142,8 @@ def _reached(
     ways = eye - targets
     lengths = np.linalg.norm(ways, axis=1, keepdims=True)
     diagonal = grid.extent * np.sqrt(3)
-    # from beyond the voxel itself, which may be solid
-    offsets = np.arange(1 + _STEP, diagonal / grid.voxel_size, _STEP) * grid.voxel_size
+    # a voxel at a time, from beyond the place's own and its neighbours, which may be solid
+    offsets = np.arange(2, diagonal / grid.voxel_size) * grid.voxel_size
     free = np.ones(len(targets), dtype=bool)
     for offset in offsets:  # outwards; those that left the grid meet nothing any more
         rows = np.flatnonzero(free & (lengths[:, 0] > offset))
