@@ -56,6 +56,8 @@ def test_each_evaluation_has_rows_named_by_method():
     ("old", "said"),
     [
         ("dataset=seen_sets", "has another name now; give dataset=set_flow "),
+        ("logger=[csv]", "was deleted; give logger.NAME=null to leave one out, "),
+        ("map_label_source=by_rule", "was deleted; give label_source@map_label_source=by_rule"),
         ("checkpoints.sets=FILE", "has another name now; give checkpoints.set_extents=FILE "),
         (
             "evaluation.methods.scenefw.suppress=0.5",
