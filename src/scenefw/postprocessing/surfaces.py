@@ -46,7 +46,7 @@ def instance_meshes(
     instances: Tensor | ArrayLike,
     grid: GridSpec,
     smoothing: float = 1.0,
-    others: Collection[int] = (),
+    selection: Collection[int] | None = None,
 ) -> dict[int, TriangleMesh]:
     """A watertight surface of each instance in world coordinates, by label.
 
@@ -59,13 +59,13 @@ def instance_meshes(
         instances: (X, Y, Z) labels, 0 = no object.
         grid: the voxel grid of both.
         smoothing: standard deviation of the Gaussian over s (voxels).
-        others: labels of which no surface is made.
+        selection: labels of which surfaces are made; None: all.
 
     Raises:
         InputError: shapes do not fit the grid, or values are not finite.
     """
     meshes = {}
-    fields = instance_fields(tsdf, instances, grid, smoothing, others)
+    fields = instance_fields(tsdf, instances, grid, smoothing, selection)
     for label, (around, field) in fields.items():
         if (field < 0).any():
             meshes[label] = _marching_cubes(field, [span.start for span in around], grid)
@@ -77,7 +77,7 @@ def instance_fields(
     instances: Tensor | ArrayLike,
     grid: GridSpec,
     smoothing: float = 1.0,
-    others: Collection[int] = (),
+    selection: Collection[int] | None = None,
 ) -> dict[int, tuple[tuple[slice, ...], Array]]:
     """The field of each instance by label, in a box of the grid, as `instance_meshes` takes it.
 
@@ -86,7 +86,7 @@ def instance_fields(
         instances: (X, Y, Z) labels, 0 = no object.
         grid: the voxel grid of both.
         smoothing: of the cuts between instances (voxels).
-        others: labels of which no field is made.
+        selection: labels of which fields are made; None: all.
 
     Raises:
         InputError: shapes do not fit the grid, or values are not finite.
@@ -96,7 +96,7 @@ def instance_fields(
         raise InputError(f"instances have shape {labels.shape}, expected {grid.shape} as the grid")
     fields = {}
     for label, box in enumerate(ndimage.find_objects(labels.astype(np.int64)), start=1):
-        if box is not None and label not in others:
+        if box is not None and (selection is None or label in selection):
             around = _grown(box, _MARGIN, grid)
             instance_field = _separated(
                 field[around], labels[around], label, smoothing, grid.voxel_size

@@ -16,10 +16,9 @@ MESHES = (".ply", ".obj", ".stl", ".off", ".glb", ".gltf")
 _Y_UP = (".glb", ".gltf")  # by their standard
 _WITH_COUNT = {
     ".ply": re.compile(rb"^element\s+face\s+(\d+)", re.MULTILINE),
-    ".off": re.compile(rb"\A\s*\w*OFF\b(?:\s|#.*)+\d+\s+(\d+)"),
+    ".off": re.compile(rb"\A\s*\w*OFF\b(?:\s|#[^\n]*\n)+\d+\s+(\d+)"),
 }
 """Where a format's header says how many faces follow."""
-_HEADER = 1 << 16  # bytes, in which a header ends
 _MAX_WIDTH = 20.0  # m: what is wider was given in millimetres
 _MIN_WIDTH = 0.02  # m
 _SCALE_SETTING = "run.mesh_scale (from Python: mesh_scale)="
@@ -72,9 +71,7 @@ def _least_faces(path: Path) -> int:
     suffix = path.suffix.lower()
     if suffix not in _WITH_COUNT:
         return 1 if suffix == ".stl" else 0  # which can't hold points alone
-    with path.open("rb") as file:
-        header = file.read(_HEADER)
-    match = _WITH_COUNT[suffix].search(header)
+    match = _WITH_COUNT[suffix].search(path.read_bytes())
     return int(match[1]) if match else 0
 
 

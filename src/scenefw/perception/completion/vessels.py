@@ -244,6 +244,6 @@ def with_vessels(hypothesis: ObjectSet, vessels: Mapping[int, FittedVessel]) -> 
     """The hypothesis with vessels in place of other shapes of these labels."""
     solid = hypothesis.superquadrics or {}
     solid = {label: shape for label, shape in solid.items() if label not in vessels}
-    others = [label for label in hypothesis.shells if label not in vessels]
-    shells = LazyMapping(others, hypothesis.shells.__getitem__)
+    solid_labels = [label for label in hypothesis.shells if label not in vessels]
+    shells = LazyMapping(solid_labels, hypothesis.shells.__getitem__)
     return replace(hypothesis, superquadrics=solid, vessels=vessels, shells=shells)

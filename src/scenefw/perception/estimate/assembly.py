@@ -291,9 +291,10 @@ def scene_estimate(
     placed = sample.placed[0] if sample.placed else {}
     exact = dict(sample.meshes[0]) if sample.meshes else {}
     exact |= {label: item.mesh() for label, item in placed.items()}
-    lasting = {*(solids or {}), *torch.unique(instances).tolist()}
-    meshes = {**(solids or {}), **instance_meshes(tsdf, instances, grid, others=exact)}
-    meshes |= {label: mesh for label, mesh in exact.items() if label in lasting}
+    labels = set(torch.unique(instances).tolist())
+    meshes = dict(solids or {})
+    meshes |= {label: mesh for label, mesh in exact.items() if label in labels | meshes.keys()}
+    meshes |= instance_meshes(tsdf, instances, grid, selection=labels - exact.keys())
     return SceneEstimate(
         estimate_objects(meshes, confidence_of_label, placed),
         grid,
