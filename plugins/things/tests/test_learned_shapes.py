@@ -14,6 +14,7 @@ from scenefw.core.errors import ConfigError
 from scenefw.core.evidence import FittedSuperquadric
 from scenefw.core.types import GridSpec, Pose
 from scenefw.kernels.cameras import camera_of
+from scenefw.perception.completion.support import extend_shells
 from scenefw.perception.estimate.assembly import SceneAssembly
 from scenefw.perception.observation.obstacles import ObstacleRegion
 from scenefw.perception.observation.views import Views
@@ -221,6 +222,14 @@ def test_the_first_hypothesis_is_the_best_guess_and_others_follow_their_codes():
             np.testing.assert_allclose(moved[is_thick], expected, atol=1e-6)
     again, _, _ = completed(samples=3)
     np.testing.assert_array_equal(again[2].shells[1].depths, sets[2].shells[1].depths)
+
+
+def test_further_hypotheses_are_drawn_where_one_is_asked_for():
+    sets, view, model = completed(samples=3)
+    sets = [extend_shells(hypothesis, view) for hypothesis in sets]
+    assert {row: len(codes) for row, codes in model.codes.items()} == {0: 1, 1: 1, 2: 1}
+    assert sets[2].shells[2].amodal.any()
+    assert {row: len(codes) for row, codes in model.codes.items()} == {0: 1, 1: 3, 2: 1}
 
 
 def test_superquadrics_stay_beside_shells():
