@@ -20,6 +20,7 @@ from scenefw.data.files.height_maps import load_map, save_map
 from scenefw.data.files.readers import find_images, read_frame
 from scenefw.data.files.recordings import STATE, MeasuredFrames, Recording, sampled
 from scenefw.data.files.sequences import open_sequence
+from scenefw.perception.observation.levels import higher_level, lower_level
 from scenefw.perception.observation.table_frame import TableFrame
 from scenefw.perception.physics.placement import Placement
 from scenefw.report.console import track
@@ -199,6 +200,7 @@ class Label:
         if watcher is not None:
             watcher.show(height_map, _frames(self.start + number), frame)
         save_picture(map_picture(height_map), self.output / PICTURE)
+        _say_other_tables(self.input, height_map)
         _say_doubt(self.input, height_map)
         return {
             "frames": float(number),
@@ -264,6 +266,7 @@ class Label:
         with adding_to_folder(folder) as temporary:
             save_map(temporary / MAP, height_map, running.states())
             save_picture(map_picture(height_map), temporary / PICTURE)
+        _say_other_tables(image, height_map)
         _say_doubt(image, height_map)
         return frame, height_map
 
@@ -282,6 +285,19 @@ def _facts(height_map: HeightMap) -> dict[str, float]:
             for i, name in enumerate(height_map.classes)
         }
     return facts
+
+
+def _say_other_tables(path: Path, height_map: HeightMap) -> None:
+    """Prints a line for a second table in the map: labels follow the height above the first."""
+    depth, height = lower_level(height_map.heights), higher_level(height_map)
+    places = [f"{100 * depth:.0f} cm below"] if depth is not None else []
+    places += [f"{100 * height:.0f} cm above"] if height is not None else []
+    if places:
+        print(
+            f"{path}: another wide surface lies {' and one '.join(places)} the table; labels there "
+            "are doubtful, as all heights count from the table: record each table alone",
+            file=sys.stderr,
+        )
 
 
 def _say_doubt(path: Path, height_map: HeightMap) -> None:

@@ -20,6 +20,7 @@ from scenefw.labelling.view_based import ViewBased
 from scenefw.learning.checkpoint import load_checkpoint
 from scenefw.mapping.height_fusion import HeightFusion
 from scenefw.mapping.semantic_fusion import SemanticFusion
+from scenefw.perception.observation.points import world_points
 from scenefw.tasks.label import Label
 from scenefw_labelling_studies.image_space_fusion import ImageSpaceFusion
 
@@ -66,6 +67,19 @@ def test_a_table_that_is_labelled_as_things_is_told(sequence, tmp_path, capsys, 
     label(sequence / "depth" / "000000.png", tmp_path / "image", strategies).run()
     said = "labelled as things, mostly keyboard"
     assert capsys.readouterr().err.count(said) == (2 if level < 0 else 0)
+
+
+@pytest.mark.parametrize("height", [0.0, 0.1, -0.1])
+def test_a_second_table_is_told(tmp_path, capsys, height):
+    views = []
+    for frame in frames():
+        points = world_points(frame)
+        eye = frame.camera.T_world_camera[2, 3]
+        factor = np.where(points[..., 1] > 0, (eye - height) / eye, 1)
+        views.append(replace(frame, depth=(frame.depth * factor).astype(np.float32)))
+    label(write_sequence(tmp_path / "two", views, CLASSES), tmp_path / "map").run()
+    said = capsys.readouterr().err
+    assert ("another wide surface lies 10 cm" in said) == bool(height)
 
 
 TURN = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # z of the table is y of the recording

@@ -16,10 +16,10 @@ from scenefw.data.files.image_checks import check_depth
 from scenefw.perception.observation.colour_alignment import colour_shift
 from scenefw.perception.observation.components import TOUCH
 from scenefw.perception.observation.depth_reading import better_reading, blended_ratio
-from scenefw.perception.observation.floor import TABLE_HEIGHT, FloorFinder
+from scenefw.perception.observation.floor import FloorFinder
+from scenefw.perception.observation.levels import lower_level
 from scenefw.perception.observation.object_groups import MAX_UNSAID_RATIO
 from scenefw.perception.observation.points import MINORITY
-from scenefw.perception.observation.raster import CELL
 from scenefw.perception.observation.workspace import OUTSIDE_CUBE, Workspace
 
 GOOD, ODD, UNUSABLE = "good", "odd", "unusable"
@@ -294,13 +294,10 @@ def _check_blended(frame: Frame) -> list[Check]:
 
 def _check_lower_surface(workspace: Workspace) -> list[Check]:
     """Another table, lower down, on which nothing is looked for."""
-    heights = workspace.points[..., 2]
-    below = heights[(heights < -2 * CELL) & (heights > -TABLE_HEIGHT - CELL)]
-    levels = np.bincount((-below / CELL).astype(int), minlength=1)
-    if levels.max() < MAX_UNSAID_RATIO * np.isfinite(heights).sum():
+    depth = lower_level(workspace.points[..., 2])
+    if depth is None:
         return []
-    height = 100 * CELL * (levels.argmax() + 0.5)
-    finding = f"another surface lies {height:.0f} cm lower, and what stands on it is left out"
+    finding = f"another surface lies {100 * depth:.0f} cm lower, and what stands on it is left out"
     return [Check("lower", ODD, finding, "take a picture of it alone")]
 
 
