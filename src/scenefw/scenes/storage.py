@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from scenefw.core.array_files import write_arrays
 from scenefw.core.errors import StorageError
-from scenefw.core.files import DAMAGED, replacing, unreadable, utf8_text, write_text
+from scenefw.core.files import DAMAGED, unreadable, utf8_text, write_text
 from scenefw.core.types import Float32, Int32, Pose, Scene, SceneObject
 from scenefw.scenes.mesh_storage import StoredMeshScenes, concatenate_meshes, pack_meshes
 from scenefw.scenes.splits import SPLITS, split_of
@@ -154,9 +155,7 @@ def save_scenes(path: Path | str, stored: Stored, facts: Mapping[str, Any]) -> P
         StorageError: the folder can't be written.
     """
     path = Path(path)
-    arrays: dict[str, Any] = dict(stored.arrays())
-    with replacing(path) as temporary:
-        np.savez_compressed(temporary, **arrays)
+    write_arrays(path, stored.arrays(), compact=True)
     manifest = {
         "format": _FORMAT,
         "scenes": len(stored),

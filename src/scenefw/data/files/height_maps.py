@@ -1,6 +1,5 @@
 """Height maps as files: one .npz each, with the states to resume from."""
 
-import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,13 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from scenefw.core.array_files import write_arrays
 from scenefw.core.errors import ConfigError, InputError
-from scenefw.core.files import DAMAGED, replacing, unreadable
+from scenefw.core.files import DAMAGED, unreadable
 from scenefw.core.height_maps import HeightGrid, HeightMap
 
 VERSION = 1
 _PREFIX = "state/"
-_COMPRESSION = 1  # the fastest: states are large and mostly zeros
 
 States = Mapping[str, Mapping[str, NDArray[Any]]]
 
@@ -53,21 +52,6 @@ def save_map(path: Path | str, height_map: HeightMap, states: States | None = No
         content |= {f"{_PREFIX}{name}/{key}": np.asarray(value) for key, value in state.items()}
     write_arrays(target, content)
     return target
-
-
-def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """An .npz like numpy's, atomically, compressed less and so three times as fast.
-
-    Raises:
-        StorageError: the file can't be written.
-    """
-    with (
-        replacing(path) as temporary,
-        zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED, compresslevel=_COMPRESSION) as file,
-    ):
-        for name, value in arrays.items():
-            with file.open(f"{name}.npy", "w", force_zip64=True) as entry:
-                np.lib.format.write_array(entry, value, allow_pickle=False)
 
 
 def load_map(path: Path | str, grid: HeightGrid | None = None) -> SavedMap:

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from scenefw.core.array_files import write_arrays
 from scenefw.core.files import DAMAGED
 from scenefw.core.height_maps import HeightGrid, HeightMap
 from scenefw.core.tabletop import TabletopGeometry
 from scenefw.core.types import Camera, Frame
-from scenefw.data.files.height_maps import write_arrays
 
 STEP = 5e-5
 """Depth on disk is a multiple of this (m)."""
