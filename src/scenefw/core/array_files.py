@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-_FASTEST = 1  # of the levels of deflation
-
 
 def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], *, compact: bool = False) -> None:
     """An .npz file, at once or not at all; the same arrays give the same bytes.
@@ -32,7 +30,7 @@ def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], *, compact: boo
     method = zipfile.ZIP_LZMA if compact else zipfile.ZIP_DEFLATED
     with (
         replacing(path) as temporary,
-        zipfile.ZipFile(temporary, "w", method, compresslevel=_FASTEST) as file,
+        zipfile.ZipFile(temporary, "w", method, compresslevel=1) as file,  # 1: the fastest
     ):
         for name, value in arrays.items():
             with file.open(f"{name}.npy", "w", force_zip64=True) as entry:

@@ -11,6 +11,7 @@ from skimage.morphology import convex_hull_image
 
 from scenefw.core.settings import COUNT, POSITIVE
 from scenefw.perception.observation.components import EDGE, across_gaps, depth_parts
+from scenefw.perception.observation.containers import container_pixels
 from scenefw.perception.observation.obstacles import ObstacleRegion
 from scenefw.perception.observation.pixels import BLUR, WIDTH, scaled
 from scenefw.perception.observation.points import MAJORITY, MIN_PARALLEL_COSINE, STRAYS
@@ -69,7 +70,11 @@ class GeometricObstacles:
             floor: (H, W) pixels of the floor.
         """
         depth, eye = frame.depth, frame.camera.T_world_camera[:3, 3]
-        enclosures = self._components(points, self._encloses, depth, raised)
+        min_pixels = self.min_pixels * (depth.shape[1] / WIDTH) ** 2
+        enclosures = container_pixels(
+            depth, points, raised, eye, self.wall_distance, self.max_size, min_pixels
+        )
+        enclosures |= self._components(points, self._encloses, depth, raised & ~enclosures)
         candidates = raised & ~enclosures
         walls = self._wall_mask(points, candidates, floor, eye, in_bin=bool(enclosures.any()))
         candidates &= ~walls

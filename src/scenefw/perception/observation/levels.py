@@ -9,7 +9,7 @@ from scipy import ndimage
 
 from scenefw.perception.observation.floor import TABLE_HEIGHT
 from scenefw.perception.observation.object_groups import MAX_UNSAID_RATIO
-from scenefw.perception.observation.raster import CELL
+from scenefw.perception.observation.raster import CELL, GAP
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from scenefw.core.types import Float32, Float64
 
 _MIN_TABLE_AREA = 0.15  # m²: twice that of a keyboard, the largest thing on a table
-_NEAREST = 2 * CELL  # m: levels nearer to the table are its own bends, and noise
 
 
 def lower_level(heights: Float64 | Float32) -> float | None:
@@ -30,7 +29,7 @@ def lower_level(heights: Float64 | Float32) -> float | None:
     Returns:
         Metres below the table, at most `TABLE_HEIGHT`; floors of rooms lie lower.
     """
-    below = -heights[heights < -_NEAREST]
+    below = -heights[heights < -GAP * CELL]  # nearer are the table's own bends
     depth = _fullest(below)
     is_wide = np.count_nonzero(_near(below, depth)) >= MAX_UNSAID_RATIO * np.isfinite(heights).sum()
     return depth if depth is not None and is_wide else None
@@ -39,7 +38,7 @@ def lower_level(heights: Float64 | Float32) -> float | None:
 def higher_level(height_map: HeightMap) -> float | None:
     """Height (m) of a level surface above a map's table that is too wide for a thing; or None."""
     heights = height_map.heights
-    height = _fullest(heights[heights > _NEAREST])
+    height = _fullest(heights[heights > GAP * CELL])
     pieces, _ = ndimage.label(_near(heights, height))
     widest = np.bincount(pieces.ravel())[1:].max(initial=0) * height_map.grid.spacing**2
     return height if widest >= _MIN_TABLE_AREA else None

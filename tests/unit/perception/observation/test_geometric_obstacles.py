@@ -76,6 +76,46 @@ def test_a_container_is_an_obstacle_and_its_contents_are_not(height, size):
     assert set(found[2:]) <= {"enclosure", "wall"}
 
 
+TOUCHING = (
+    Box((-0.23, -0.05, 0.0), (-0.14, 0.05, 0.1)),
+    Box((0.05, 0.11, 0.0), (0.15, 0.19, 0.07)),
+)
+IN_THE_MIDDLE = (Box((-0.06, -0.05, 0.0), (0.04, 0.03, 0.08)),)
+
+
+@pytest.mark.parametrize("width", [0.5, 0.36])
+@pytest.mark.parametrize("height", [0.1, 0.2])
+@pytest.mark.parametrize("size", [(320, 240), (640, 480)])
+@pytest.mark.parametrize("roll", [0.0, np.pi / 2])
+def test_contents_that_touch_the_walls_are_none_of_them(width, height, size, roll):
+    shift = (0.5 - width) / 2
+    contents = [Box((TOUCHING[0].lower[0] + shift, *TOUCHING[0].lower[1:]),
+                    (TOUCHING[0].upper[0] + shift, *TOUCHING[0].upper[1:])),
+                TOUCHING[1], *IN_THE_MIDDLE]  # fmt: skip
+    walls = container(width, 0.42, height)
+    kinds = kinds_of((*contents, *walls), eye=(0.0, -0.35, 1.1), size=size, roll=roll)
+    assert kinds[:3] == ["", "", ""]
+    assert set(kinds[3:]) <= {"enclosure", "wall"}
+
+
+@pytest.mark.parametrize("contents", [(), IN_THE_MIDDLE])
+def test_a_small_container_is_a_thing_until_something_is_in_it(contents):
+    walls = container(0.3, 0.25, 0.1)
+    kinds = kinds_of((*contents, *walls), eye=(0.0, -0.35, 0.9), size=(640, 480))
+    assert kinds[: len(contents)] == [""] * len(contents)
+    assert set(kinds[len(contents) :]) == ({"enclosure"} if contents else {""})
+
+
+@pytest.mark.parametrize("roll", [0.0, 0.4, 1.0, 2.0])
+@pytest.mark.parametrize("eye", [(0.0, -0.3, 1.0), (0.5, -0.8, 0.6)])
+def test_things_side_by_side_are_no_container(eye, roll):
+    """A wall of books behind a row of boxes that touches it: faces look at others, but outwards."""
+    books = tuple(Box((x, 0.1, 0.0), (x + 0.06, 0.2, 0.25)) for x in np.arange(-0.18, 0.17, 0.07))
+    boxes = tuple(Box((x, 0.0, 0.0), (x + 0.1, 0.09, 0.08)) for x in (-0.18, -0.05, 0.08))
+    tall = Box((-0.28, -0.1, 0.0), (-0.2, 0.2, 0.22))
+    assert set(kinds_of((*books, *boxes, tall), eye=eye, roll=roll)) == {""}
+
+
 def test_numbers_that_no_obstacle_has():
     with pytest.raises(ConfigError, match="max_size"):
         GeometricObstacles(0.0, 0.4, 0.015, 60)

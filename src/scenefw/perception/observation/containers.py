@@ -1,0 +1,156 @@
+"""Bins, trays and crates: walls about what stands in them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import ndimage
+from scipy.spatial import ConvexHull, QhullError
+
+from scenefw.perception.observation.components import EDGE, depth_parts
+from scenefw.perception.observation.pixels import coarse_step
+from scenefw.perception.observation.points import MAJORITY, MIN_PARALLEL_COSINE, MINORITY, STRAYS
+from scenefw.perception.observation.raster import CELL, GAP, FloorRaster
+from scenefw.perception.observation.walls import Wall, find_walls, surface_normals
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from scenefw.core.types import Float32, Float64
+
+    Mask = NDArray[np.bool_]
+
+_RASTER = FloorRaster()
+_MIN_RECTANGULARITY = (1 + np.pi / 4) / 2  # of areas: halfway from a circle to a rectangle
+
+
+@dataclass(frozen=True, eq=False)
+class _Side:
+    """A wall at the border of a connected surface.
+
+    Args:
+        wall: seen from within or from outside.
+        inward: 1 where its visible face looks at the rest of the surface, else -1.
+    """
+
+    wall: Wall
+    inward: float
+
+    def depth(self, places: Float64) -> Float64:
+        """How far places (..., 2) lie on the inner side (m)."""
+        return self.inward * self.wall.distance(places)
+
+
+def container_pixels(
+    depth: Float32,
+    points: Float64,
+    raised: Mask,
+    eye: Float64,
+    wall_distance: float,
+    max_size: float,
+    min_pixels: float,
+) -> Mask:
+    """Pixels (H, W) of containers, without what is in them, which may touch their walls.
+
+    A camera sees the faces of solid things that look outwards. Of what is open it sees faces that
+    look at the rest of it. So a connected surface that is a rectangle from above is a container if
+    walls with such faces bound it along two directions; so is a ring about other surfaces. An
+    empty small one is a thing.
+
+    Args:
+        depth: (H, W) metres.
+        points: (H, W, 3) of the pixels (m), floor z = 0, NaN = no depth.
+        raised: (H, W) pixels of what rises above the floor.
+        eye: (3,) where the camera is (m).
+        wall_distance: points this close to a wall lie on it (m).
+        max_size: of a thing, along the floor (m).
+        min_pixels: connected surfaces of fewer are none.
+    """
+    mask = np.zeros(raised.shape, dtype=bool)
+    components = depth_parts(depth, raised, EDGE)
+    components[np.isnan(points[..., 2])] = 0
+    sizes = np.bincount(components.ravel())
+    stride = coarse_step(raised.shape[1])
+    coarse_points, coarse_components = points[::stride, ::stride], components[::stride, ::stride]
+    normals = surface_normals(coarse_points)
+    for label, box in enumerate(ndimage.find_objects(components), start=1):
+        if sizes[label] < min_pixels:
+            continue
+        pixels, is_coarse = components[box] == label, coarse_components == label
+        surface = coarse_points[is_coarse]
+        others = raised[box] & ~pixels
+        places = points[box][pixels][:, :2]
+        sides: list[_Side] = []
+        if _looks_inward(surface, normals[is_coarse]) and _is_rectangle(surface[:, :2]):
+            walls = find_walls(coarse_points, is_coarse, wall_distance, eye, MIN_PARALLEL_COSINE)
+            sides = [side for wall in walls for side in _sides(wall, places)]
+        if not _is_open(sides):
+            if _is_ring(points[box][pixels], points[box][others], min_pixels):
+                mask[box] |= pixels
+            continue
+        inner = np.min([side.depth(points[box][..., :2]) for side in sides], axis=0)
+        pieces = depth_parts(depth[box], pixels & (inner > wall_distance), EDGE)
+        areas = np.bincount(pieces.ravel())
+        far_areas = np.bincount(pieces.ravel(), (inner > 2 * wall_distance).ravel())
+        are_contents = (far_areas > MAJORITY * areas) & (areas >= min_pixels)  # no crumbs of walls
+        are_contents[0] = False
+        contents = are_contents[pieces]
+        is_full = contents.any() or (others & (inner > wall_distance)).sum() >= min_pixels
+        if is_full or np.ptp(places, axis=0).max() > max_size:
+            mask[box] |= pixels & ~contents
+    return mask
+
+
+def _looks_inward(points: Float64, normals: Float64) -> bool:
+    """Whether some of a surface's points (N, 3) look at its middle from beside it."""
+    from_middle = points[:, :2] - points[:, :2].mean(axis=0)
+    is_steep = np.abs(normals[:, 2]) < MIN_PARALLEL_COSINE  # not at edges, where it is NaN
+    is_inward = (normals[is_steep, :2] * from_middle[is_steep]).sum(axis=1) < 0
+    return bool(is_inward.sum() > MINORITY * is_steep.sum())
+
+
+def _sides(wall: Wall, places: Float64) -> list[_Side]:
+    """The wall as a side of a surface with places (N, 2), if it bounds it along most of it."""
+    along = places @ np.array([-wall.normal[1], wall.normal[0]])
+    if wall.length <= MAJORITY * np.ptp(np.quantile(along, (STRAYS, 1 - STRAYS))):
+        return []
+    sides = [_Side(wall, inward) for inward in (1.0, -1.0)]
+    max_rim = GAP * CELL  # beyond the inner face of a wall
+    return [side for side in sides if np.mean(side.depth(places) < -max_rim) < STRAYS]
+
+
+def _is_open(sides: Sequence[_Side]) -> bool:
+    """Whether sides of two directions look inwards."""
+    inner = [side.wall.normal for side in sides if side.inward > 0]
+    return any(abs(a @ b) < MIN_PARALLEL_COSINE for a in inner for b in inner)
+
+
+def _is_rectangle(places: Float64) -> bool:
+    """Whether the convex hull of places (N, 2) fills the smallest rectangle about it."""
+    from trimesh.bounds import oriented_bounds_2D
+
+    try:
+        hull = ConvexHull(places)
+    except (QhullError, ValueError):  # all on a line, or hardly any
+        return False
+    area = hull.volume  # in two dimensions
+    return bool(area > _MIN_RECTANGULARITY * np.prod(oriented_bounds_2D(places[hull.vertices])[1]))
+
+
+def _is_ring(points: Float64, others: Float64, min_pixels: float) -> bool:
+    """Whether points (N, 3) are a ring, from above, and enough others (M, 3) are in its hole."""
+    places = points[:, :2]
+    inside = ((others[:, :2] > places.min(axis=0)) & (others[:, :2] < places.max(axis=0))).all(
+        axis=1
+    )
+    if inside.sum() < min_pixels:
+        return False
+    footprint = ndimage.binary_closing(_RASTER.count(points) > 0, iterations=GAP)
+    filled = ndimage.binary_fill_holes(footprint)
+    hole = filled & ~footprint
+    is_wide = hole.sum() > MAJORITY * filled.sum()
+    return bool(is_wide and _RASTER.look_up(hole, others[inside]).sum() >= min_pixels)
