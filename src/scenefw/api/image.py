@@ -34,7 +34,10 @@ def image_of(
     """
     require_number(depth_scale, "depth_scale", "metres per unit of integer depth, or None")
     frame = _frame(depth, intrinsics, color, depth_scale, name)
-    return frame, None if mask is None else mask_of(mask, frame.depth.shape, frame.name)
+    if mask is None:
+        return frame, None
+    values = mask_of(mask, frame.depth.shape, frame.name)
+    return frame, values if frame.undistort is None else frame.undistort(values)
 
 
 def _frame(

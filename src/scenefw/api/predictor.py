@@ -103,7 +103,10 @@ class Predictor:
             for warning in view.warnings:
                 warnings.warn(f"{frame.name}: {warning}", stacklevel=2)
             scenes = self.pipeline.reconstruct(view)
-            return Prediction(tuple(with_camera_in_base(scene, pose) for scene in scenes))
+            scenes = [with_camera_in_base(scene, pose) for scene in scenes]
+            for warning in scenes[0].details["warnings"][len(view.warnings) :]:
+                warnings.warn(f"{frame.name}: {warning}", stacklevel=2)
+            return Prediction(tuple(scenes))
 
     def track(self) -> Tracking:
         """What takes the images of a scene in their order; objects keep their ids.

@@ -6,7 +6,7 @@ Batches of torch tensors are in `core.batches`.
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol, runtime_checkable
 
@@ -186,6 +186,8 @@ class Frame:
             surface), -1 = unknown; or None.
         name: where the frame comes from.
         notes: what its file left open and how it was read, a line each, for whoever asked for it.
+        undistort: frees other images (H, W) of the same pixels of the lens, as its own were;
+            None: there was nothing to do.
     """
 
     depth: Float32
@@ -194,6 +196,7 @@ class Frame:
     labels: Int32 | None = None
     name: str = ""
     notes: tuple[str, ...] = ()
+    undistort: Callable[[NDArray[Any]], NDArray[Any]] | None = None
 
     def __post_init__(self) -> None:
         if self.depth.shape != (self.camera.height, self.camera.width):

@@ -191,6 +191,7 @@ class MaskFiles:
                 f"{path} is {labels.shape[::-1]} pixels, its frame {frame.depth.shape[::-1]}; "
                 "give a mask with one channel and the size of the frame"
             )
+        labels = labels if frame.undistort is None else frame.undistort(labels)
         labels = np.where(labels == 255, -1, labels.astype(np.int32))
         return one_hot(labels, len(self.classes), self.confidence, str(path))
 

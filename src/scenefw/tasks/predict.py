@@ -16,6 +16,7 @@ from scenefw.core.protocols import ObjectTracking, SceneFormat, Settling
 from scenefw.core.settled import words as settled_words
 from scenefw.core.types import Float32, Float64, Frame, SceneEstimate
 from scenefw.data.files.camera_pose import camera_pose_of
+from scenefw.data.files.pose_conventions import OPENCV
 from scenefw.perception.estimate.base_frame import with_camera_in_base
 from scenefw.perception.pipeline import ReconstructionPipeline
 from scenefw.report.hypotheses import draw_hypotheses
@@ -65,6 +66,7 @@ class Predict:
         track: the images show one scene in the order of their names: objects keep their ids, and
             `scene.json` says what each does. The camera must stand still, or the folder hold its
             poses as a recording does (`data.files.image_poses`); results are then in their world.
+        poses: convention of these poses, as `pose_conventions.converted` takes it.
         tracking: with what.
 
     Raises:
@@ -88,6 +90,7 @@ class Predict:
         masks: str | Path | None = None,
         camera_pose: str | Sequence[float] | None = None,
         track: bool = False,
+        poses: str = OPENCV,
         tracking: TrackerSource | None = None,
     ) -> None:
         self.images = DepthImages("predict", input, intrinsics, depth_scale, masks, output)
@@ -97,6 +100,7 @@ class Predict:
         self.exports = dict(exports or {})
         self.camera_pose = camera_pose_of(camera_pose, "run.camera_pose")
         self.tracker = _maker(tracking)(pipeline, hypotheses=hypotheses) if track else None
+        self.convention = poses
         self._poses: Mapping[Path, Float64 | None] = {}
 
     def run(self) -> dict[str, float]:
@@ -110,7 +114,7 @@ class Predict:
         objects = 0
         start = time.perf_counter()
         if self.tracker is not None and self.camera_pose is None:
-            self._poses = self.images.poses()
+            self._poses = self.images.poses(self.convention)
 
         def predict(image: Path, folder: Path) -> None:
             nonlocal objects
@@ -202,7 +206,10 @@ class Predict:
             scenes = self.pipeline.reconstruct(view, first_only=not self.hypotheses)
         else:
             scenes = list(tracked.scenes)
-        return [with_camera_in_base(scene, camera_pose) for scene in scenes], partial
+        scenes = [with_camera_in_base(scene, camera_pose) for scene in scenes]
+        for warning in scenes[0].details.get("warnings", ())[len(warnings) :]:
+            print(f"{frame.name}: {warning}", file=sys.stderr)
+        return scenes, partial
 
     def _at_rest(self, scenes: list[SceneEstimate]) -> list[SceneEstimate]:
         """The hypotheses, at rest if they settle."""

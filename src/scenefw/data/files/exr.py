@@ -17,7 +17,7 @@ def read_exr(path: Path) -> Float32:
 
     Raises:
         MissingDependencyError: OpenEXR is not installed.
-        InputError: the file is damaged or has none of these channels.
+        InputError: the file is damaged, cropped, or has none of these channels.
     """
     try:
         import OpenEXR
@@ -27,6 +27,9 @@ def read_exr(path: Path) -> Float32:
         ) from error
     try:
         with OpenEXR.File(str(path), separate_channels=True) as file:
+            windows = [
+                np.array(file.header()[name]).tolist() for name in ("dataWindow", "displayWindow")
+            ]
             channels = {
                 name: np.array(channel.pixels, np.float32)
                 for name, channel in file.channels().items()
@@ -34,6 +37,12 @@ def read_exr(path: Path) -> Float32:
     except (OSError, RuntimeError, ValueError, TypeError) as error:
         reason = str(error).splitlines()[0]
         raise InputError(f"cannot read {path}: {reason}; is the file complete?") from error
+    if windows[0] != windows[1]:
+        raise InputError(
+            f"{path} holds the part {windows[0]} (first and last column, row) of an image "
+            f"{windows[1]}, to which its intrinsics may belong; write the whole image, or "
+            "make both windows the same"
+        )
     values = channels[_depth_channel(channels, path)]
     return np.where(values < _NOTHING, values, 0)
 

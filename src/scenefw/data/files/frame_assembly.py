@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scenefw.core.errors import InputError
-from scenefw.core.types import Frame
+from scenefw.core.types import Camera, Float32, Frame
 from scenefw.data.files.image_checks import (
     Stored,
     check_colour,
@@ -20,7 +21,7 @@ from scenefw.data.files.image_checks import (
 )
 from scenefw.data.files.intrinsics import Calibration, camera_from_matrix, require_size
 from scenefw.data.files.layouts import MILLIMETRES, TUM_UNIT
-from scenefw.data.files.lens import undistorted
+from scenefw.data.files.lens import Lens, undistorted
 
 _NEAREST_TUM_MEDIAN = 0.3
 """Cameras of the TUM benchmark measure from 0.4 m on: a median below (m) tells another unit."""
@@ -85,15 +86,25 @@ def assembled(content: Content, scale: float | None, file: str, name: str) -> Fr
             f"labels of {file} has shape {labels.shape}, its depth {depth.shape}; both must be "
             "aligned images of the same size"
         )
-    if calibration.lens is not None:
-        depth, colour, labels = undistorted(
-            calibration.lens, camera.matrix, [depth, colour, labels], file
-        )
-        notes.append(
-            f"the image was undistorted by its {calibration.lens.model} coefficients; if it is "
-            "rectified already, set them to 0"
-        )
-    return Frame(depth, camera, colour, labels, name, tuple(notes))
+    if calibration.lens is None:
+        return Frame(depth, camera, colour, labels, name, tuple(notes))
+    lens, distorted_depth = calibration.lens, depth
+    depth, colour, labels = undistorted(lens, camera.matrix, [depth, colour, labels], file)
+    notes.append(
+        f"the image was undistorted by its {lens.model} coefficients; if it is rectified already, "
+        "set them to 0"
+    )
+
+    undistort = partial(_undistorted_beside, lens, camera, distorted_depth, file)
+    return Frame(depth, camera, colour, labels, name, tuple(notes), undistort)
+
+
+def _undistorted_beside(
+    lens: Lens, camera: Camera, depth: Float32, file: str, image: NDArray[Any]
+) -> NDArray[Any]:
+    """Another image (H, W) of the pixels of a distorted depth image."""
+    undistorted_image: NDArray[Any] = undistorted(lens, camera.matrix, [depth, image], file)[1]
+    return undistorted_image
 
 
 def _stored_as(content: Content, unit: float) -> Stored:

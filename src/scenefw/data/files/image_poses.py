@@ -59,7 +59,7 @@ def folder_poses(path: Path, images: Sequence[Path], *, require: bool) -> Folder
     elif folder is not None:
         poses = [_image_pose(folder, image, reader) for image in images]
     else:
-        poses = record3d_poses(path, images)
+        poses = record3d_poses(path, images, reader)
     if poses is None:
         if require:
             raise no_poses(path, "poses.txt", "one line per depth image")

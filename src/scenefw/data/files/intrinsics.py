@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -42,9 +43,10 @@ _UNITS = {
 }  # fmt: skip
 _LENS_KEYS = (
     "distortion_coefficients", "distortion_coeffs", "dist_coeffs", "distCoeffs", "distortion",
-    "coeffs", "D", "d",
+    "distCoef", "dist_coef", "dist", "coeffs", "D", "d",
 )  # fmt: skip
 _LENS_MODEL_KEYS = ("distortion_model", "camera_model", "model")
+_LENS_WORD = re.compile(r"distort|dist_?coe|radial|tangential", re.IGNORECASE)
 _FISHEYE_NUMBERS = ("k1", "k2", "k3", "k4")
 _LENS_NUMBERS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 
@@ -76,9 +78,17 @@ class Calibration:
     depth_scale: float | None = None
 
     def resized(self, width: int, height: int) -> Calibration:
-        """Of the image resampled to another size."""
+        """Of the image resampled to another size.
+
+        Raises:
+            InputError: that is of another shape.
+        """
         if self.size is None or self.size == (width, height):
             return self
+        if min(self.size) < 1:
+            raise InputError(
+                f"intrinsics are of an image of {self.size[0]} x {self.size[1]} pixels"
+            )
         (fx, _, cx), (_, fy, cy) = self.matrix[:2]
         camera = Camera(*self.size, fx, fy, cx, cy).resized(width, height)
         return replace(self, matrix=camera.matrix, size=(width, height))
@@ -288,16 +298,51 @@ def _number(content: Mapping[str, Any], key: str) -> float | None:
 
 
 def _lens(content: Mapping[str, Any], name: str) -> Lens | None:
+    """The lens beside intrinsics.
+
+    Raises:
+        InputError: it is told in a way that isn't read.
+    """
     model = next((content[key] for key in _LENS_MODEL_KEYS if key in content), None)
-    key = next((key for key in _LENS_KEYS if key in content), None)
+    key = next((key for key in _LENS_KEYS if content.get(key) is not None), None)
     if key is None:
-        names = _FISHEYE_NUMBERS if is_fisheye(model) else _LENS_NUMBERS
-        numbers = [content.get(number, 0.0) for number in names]
-        return lens_of(model, numbers, name) if "k1" in content else None
+        _require_no_other_lens(content, name)
+        return _named_lens(model, content, name)
     values = content[key]
-    if isinstance(values, Mapping):
-        values = values.get("data", list(values.values()))
-    return None if values is None or isinstance(values, str) else lens_of(model, values, name)
+    if isinstance(values, Mapping) and "data" not in values:
+        lens = _named_lens(values.get("model", model), values, name)
+        if lens is None:
+            _require_no_other_lens({f"{key}: {inner}": v for inner, v in values.items()}, name)
+        return lens
+    values = values["data"] if isinstance(values, Mapping) else values
+    if isinstance(values, str):
+        values = values.replace(",", " ").split()
+    return lens_of(model, values, name)
+
+
+def _named_lens(model: Any, content: Mapping[str, Any], name: str) -> Lens | None:
+    """The lens of coefficients k1, p1 ... by their names; None without any."""
+    names = _FISHEYE_NUMBERS if is_fisheye(model) else _LENS_NUMBERS
+    numbers = [content.get(number) for number in names]
+    if all(number is None for number in numbers):
+        return None
+    return lens_of(model, [0.0 if number is None else number for number in numbers], name)
+
+
+def _require_no_other_lens(content: Mapping[str, Any], name: str) -> None:
+    """Raises an InputError if a key that isn't read tells that the lens distorts."""
+    for key, value in content.items():
+        if key in _LENS_MODEL_KEYS or not _LENS_WORD.search(str(key)):
+            continue
+        try:
+            is_nothing = not np.any(np.asarray(value, np.float64))
+        except (TypeError, ValueError):
+            is_nothing = not value or str(value).lower() in ("none", "null")
+        if not is_nothing:
+            raise InputError(
+                f"{key} of {name} isn't read; give the lens as distortion_coefficients: k1 k2 p1 "
+                "p2 k3 ... in OpenCV's order, or undistort the images"
+            )
 
 
 def _matrix(content: Any, name: str) -> NDArray[np.float64]:

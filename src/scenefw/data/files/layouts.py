@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from scenefw.core.errors import InputError
 from scenefw.data.files.intrinsics import read_calibration
-from scenefw.data.files.poses import read_numbers
 from scenefw.data.files.record3d import record3d_calibration
 from scenefw.data.files.structured import read_text
+from scenefw.data.files.timed_lines import nearest_times, timed_lines
 
 MILLIMETRES = 0.001
 """Metres per unit of integer depth where nothing says otherwise."""
@@ -111,17 +111,10 @@ def _tum_colour(path: Path, root: Path) -> Path | None:
     """The colour image nearest in time, None if there is none within 20 ms."""
     if not (root / "rgb.txt").is_file():
         return None
-    depths, colours = (read_numbers(root / name) for name in ("depth.txt", "rgb.txt"))
-    try:
-        times = {Path(line[1]).name: float(line[0]) for line in depths}
-        if path.name not in times:
-            return None
-        delays = [abs(float(line[0]) - times[path.name]) for line in colours]
-        nearest = min(range(len(delays)), key=delays.__getitem__, default=None)
-        if nearest is None or delays[nearest] > _MOST_DELAY:
-            return None
-        return root / colours[nearest][1]
-    except (ValueError, IndexError) as error:
-        raise InputError(
-            f"depth.txt or rgb.txt of {root} has a line that isn't 'time file' ({error}); fix it"
-        ) from error
+    depth_times, depths = timed_lines(root / "depth.txt")
+    colour_times, colours = timed_lines(root / "rgb.txt")
+    numbers = [number for number, words in enumerate(depths) if Path(words[0]).name == path.name]
+    if not numbers:
+        return None
+    nearest = int(nearest_times(depth_times[numbers[:1]], colour_times, _MOST_DELAY)[0])
+    return root / colours[nearest][0] if nearest >= 0 else None

@@ -15,6 +15,9 @@ from scenefw.core.types import Float64
 
 FISHEYE, BROWN = "fisheye", "Brown-Conrady"
 _FISHEYE_WORDS = ("fisheye", "equidistant", "kannala")
+_BROWN_WORDS = (
+    "plumb", "rational", "brown", "radtan", "radial", "opencv", "pinhole", "perspective",
+)  # fmt: skip
 _MAX_BROWN = 8  # k1 k2 p1 p2 k3 k4 k5 k6; thin prisms and tilted sensors come after these
 _MIN_REMAINING = 0.6
 """Share of the measurements that an image keeps: Azure's and Kinect's lenses leave above 0.9, a
@@ -87,7 +90,8 @@ def lens_of(model: Any, coefficients: Any, name: str) -> Lens | None:
     words = str(model or "").lower()
     if is_fisheye(model):
         return Lens(FISHEYE, tuple(np.resize(np.append(values, np.zeros(4)), 4).tolist()))
-    if "inverse" in words or values[_MAX_BROWN:].any():
+    is_brown = not words or any(word in words for word in _BROWN_WORDS)
+    if not is_brown or "inverse" in words or values[_MAX_BROWN:].any():
         raise InputError(
             f"the lens of {name} is of an unknown model ({model or values.size}); undistort "
             "the images with your camera's software, and give coefficients of 0"

@@ -90,6 +90,9 @@ _STEPS: Sequence[Mapping[str, tuple[str, Callable[[Float64], Float64]]]] = (
 """By the words of the setting, in the order in which they are undone: what they say, and how a pose
 (4, 4) comes nearer to camera to world in OpenCV's axes."""
 
+CONVENTIONS = {name: phrase for step in _STEPS for name, (phrase, _) in step.items()}
+"""What a word of the setting says of poses."""
+
 OPENCV = "opencv"
 """Camera to world, OpenCV's axes, metres: the convention without further words."""
 
@@ -105,11 +108,10 @@ def converted(pose: Float64, convention: str) -> Float64:
         InputError: there is no such convention.
     """
     words = set(str(convention).split("+")) - {OPENCV}
-    names = [name for step in _STEPS for name in step]
-    if not words <= set(names) or any(len(words & step.keys()) > 1 for step in _STEPS):
+    if not words <= CONVENTIONS.keys() or any(len(words & step.keys()) > 1 for step in _STEPS):
         raise InputError(
-            f"no pose convention {convention}; expected {OPENCV}, or of {', '.join(names)} what "
-            "differs from it, joined by +"
+            f"no pose convention {convention}; expected {OPENCV}, or of {', '.join(CONVENTIONS)} "
+            "what differs from it, joined by +"
         )
     for step in _STEPS:
         for name in words & step.keys():
@@ -239,7 +241,6 @@ def _readings(
     file_poses: Sequence[Float64], poses: Sequence[Float64], names: Sequence[str], assumed: str
 ) -> Iterator[_Reading]:
     """Other conventions and, with the assumed one, other orders of the poses."""
-    phrases = {name: phrase for step in _STEPS for name, (phrase, _) in step.items()}
     for words in _conventions():
         convention = "+".join(words) or OPENCV
         if set(convention.split("+")) == set(assumed.split("+")):
@@ -247,7 +248,7 @@ def _readings(
         readings = [converted(pose, convention) for pose in file_poses]
         if _spread(readings) < _MIN_MOTION < _spread(poses):  # all in one place, views can't differ
             continue
-        phrase = " and ".join(phrases[word] for word in words) or "poses as documented"
+        phrase = " and ".join(CONVENTIONS[word] for word in words) or "poses as documented"
         yield _Reading(phrase, f"set run.poses={convention}", readings)
     transposed = [rigid(pose[:3, :3].T, pose[:3, 3]) for pose in poses]
     yield _Reading("transposed rotations", "transpose the 3 x 3 part of each pose", transposed)

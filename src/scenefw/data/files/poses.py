@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 UNORDERED = "# unordered views: poses may jump"
 """First line of a file of poses whose frames are not a video."""
 
-_FARTHEST = 20.0
+MAX_CAMERA_DISTANCE = 20.0
 """Cameras that see one table are not this far apart (m)."""
 
 MAX_ROTATION_ERROR = 0.01
@@ -116,8 +116,12 @@ def _pose(words: Sequence[str], where: str) -> tuple[Array, float]:
     if not np.isfinite(values).all():
         raise InputError(f"{where} holds {' '.join(words)}; expected {_FORMATS}, all finite")
     if values.size == 7:
-        if not np.linalg.norm(values[3:]) > 1e-6:
-            raise InputError(f"{where} has no rotation: its quaternion is {values[3:].tolist()}")
+        length = float(np.linalg.norm(values[3:]))
+        if not abs(length - 1) < MAX_ROTATION_ERROR:
+            raise InputError(
+                f"{where} has no rotation: its quaternion {values[3:].tolist()} has the length "
+                f"{length:.3g}, not 1; expected x y z qx qy qz qw"
+            )
         x, y, z, w = values[3:]
         return rigid(rotation_from_quaternion((w, x, y, z)), values[:3]), 0.0
     matrix = np.eye(4)
@@ -150,7 +154,7 @@ def require_metres(poses: Sequence[Array], where: str) -> None:
     """Raises an InputError if the camera is so far from its first place that the unit is wrong."""
     positions = np.array([pose[:3, 3] for pose in poses]).reshape(-1, 3)
     distances = np.linalg.norm(positions - positions[:1], axis=1)
-    if distances.max(initial=0) > _FARTHEST:
+    if distances.max(initial=0) > MAX_CAMERA_DISTANCE:
         raise InputError(
             f"the poses of {where} are up to {distances.max():.0f} m from the first: millimetres "
             "given as metres, or tracking was lost? give positions in metres, of one table"

@@ -22,8 +22,7 @@ from scenefw.data.files.intrinsics import (
     intrinsics_file,
     read_calibration,
 )
-from scenefw.data.files.layouts import Surroundings, surroundings
-from scenefw.data.files.lens import Lens
+from scenefw.data.files.layouts import MILLIMETRES, Surroundings, surroundings
 from scenefw.data.files.pictures import DAMAGED_PICTURE
 from scenefw.data.files.record3d import record3d_calibration
 
@@ -34,6 +33,7 @@ _BAGS = (".bag", ".db3", ".mcap")  # plugin recordings reads these
 _COLOUR_SUFFIXES = (".rgb.jpg", ".rgb.png", ".rgb.jpeg", "_rgb.png", "_rgb.jpg", ".jpg", ".jpeg")
 _COLOUR_WORDS = ("rgb", "color", "colour")
 _COMPLETE = "is the file complete?"
+_MAX_DETAIL = 16  # numbers of an array that may say something of the camera: a 4 x 4 matrix
 
 
 def read_frames(
@@ -128,21 +128,6 @@ def read_frame(
         raise InputError(f"cannot read {path}: {unreadable(error, _COMPLETE)}") from error
 
 
-def lens_of_image(path: Path, intrinsics: Intrinsics | None = None) -> Lens | None:
-    """The lens by which `read_frame` undistorts an image; None if there is none.
-
-    Raises:
-        InputError: the intrinsics are unusable.
-    """
-    if intrinsics is not None:
-        return calibration_of(intrinsics, path.name).lens
-    around = surroundings(path)
-    if path.suffix.lower() == ".npz" or around.matrix is not None:
-        return None
-    file = _beside(path, around)
-    return None if file is None else read_calibration(file).lens
-
-
 def read_labels(path: Path | str) -> NDArray[np.int32] | None:
     """The labels (H, W) of an image alone, as `read_frame` has them; None if it has none.
 
@@ -184,10 +169,18 @@ def _read_npz(
         raise InputError(
             f"{path} has no intrinsics K (3, 3); store them in it or give run.intrinsics=PATH"
         )
-    calibration = calibration_of(content["K"] if intrinsics is None else intrinsics, path.name)
+    details = {key: value.tolist() for key, value in content.items() if _is_detail(key, value)}
+    calibration = calibration_of(details if intrinsics is None else intrinsics, path.name)
     labels, in_millimetres = _npz_labels(content, path), "depth_mm" in content
     image = Content(depth, calibration, unit, labels=labels, in_millimetres=in_millimetres)
     return _with_colour(image, content["rgb"], "rgb") if "rgb" in content else image
+
+
+def _is_detail(key: str, value: Array) -> bool:
+    """Whether an array may say something of the camera, as an entry of an intrinsics file does."""
+    return key not in ("depth", "depth_mm", "rgb", "instances", "label", "size") and (
+        value.ndim <= 2 and value.size <= _MAX_DETAIL
+    )
 
 
 def _npz_depth(
@@ -197,12 +190,23 @@ def _npz_depth(
     if "depth_mm" in content:
         if depth_scale is not None:
             raise unused_scale(depth_scale, path.name, "depth_mm is in millimetres")
-        return metres(content["depth_mm"], None, path.name, unit=1.0) / np.float32(1000), 1.0
+        depth = metres(content["depth_mm"], None, path.name, unit=1.0) / np.float32(1000)
+        if "depth" in content and not _agree(content["depth"], depth):
+            raise InputError(f"depth_mm and depth of {path} differ; keep one of them")
+        return depth, 1.0
     if "depth" in content:
         return content["depth"], 1.0
     keys = ", ".join(content) or "nothing"
     raise InputError(
         f"{path} holds {keys}, no depth; store depth_mm (millimetres) or depth (metres)"
+    )
+
+
+def _agree(depth: Array, other: Array) -> bool:
+    """Whether depth in metres or in millimetres is another one (m), to a millimetre."""
+    return depth.dtype.kind in "uif" and any(
+        depth.shape == other.shape and np.allclose(unit * depth, other, atol=MILLIMETRES, rtol=0)
+        for unit in (1.0, MILLIMETRES)
     )
 
 
@@ -239,6 +243,8 @@ def _read_npy(
     path: Path, intrinsics: Intrinsics | None, depth_scale: float | None, around: Surroundings
 ) -> Content:
     values = np.load(path, allow_pickle=False)
+    if values.ndim < 2:
+        raise InputError(f"{path} has shape {values.shape}; expected an image (H, W)")
     return Content(values, _calibration(path, intrinsics, values, around), around.scale)
 
 
@@ -303,8 +309,14 @@ def _with_picture(content: Content, path: Path | None) -> Content:
     """With the colours of a picture, if it has the size of the depth."""
     if path is None or content.colour is not None:
         return content
-    with Image.open(path) as image:
-        return _with_colour(content, np.array(image.convert("RGB")), path.name)
+    try:
+        with Image.open(path) as image:
+            colour = np.array(image.convert("RGB"))
+    except DAMAGED_PICTURE as error:
+        raise InputError(
+            f"cannot read the colour image {path}: {unreadable(error, _COMPLETE)}"
+        ) from error
+    return _with_colour(content, colour, path.name)
 
 
 def _with_colour(content: Content, colour: Array, name: str) -> Content:

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from scenefw.core.errors import InputError
-from scenefw.core.geometry import rigid, rotation_from_quaternion
 from scenefw.core.types import Float64
 from scenefw.data.files.intrinsics import Calibration
+from scenefw.data.files.poses import PoseReader
 from scenefw.data.files.structured import read_structured
 
 FILE = "metadata.json"
@@ -40,8 +40,15 @@ def record3d_calibration(folders: Iterable[Path], image: Path) -> Calibration | 
     return None
 
 
-def record3d_poses(folder: Path, images: Sequence[Path]) -> list[Float64] | None:
+def record3d_poses(
+    folder: Path, images: Sequence[Path], reader: PoseReader
+) -> list[Float64 | None] | None:
     """Camera to world (4, 4), OpenCV's axes, of images named by their numbers; None: no such file.
+
+    Args:
+        folder: with the file.
+        images: in order.
+        reader: of the poses; one that isn't finite is None.
 
     Raises:
         InputError: the file is damaged, or has no pose of an image.
@@ -50,13 +57,15 @@ def record3d_poses(folder: Path, images: Sequence[Path]) -> list[Float64] | None
     if content is None or "poses" not in content:
         return None
     try:
-        lines = [np.array(content["poses"][int(image.stem)], np.float64) for image in images]
-        return [
-            rigid(rotation_from_quaternion((w, x, y, z)), position) @ _ARKIT_CAMERA
-            for (x, y, z, w), position in ((line[:4], line[4:7]) for line in lines)
-        ]
+        lines = [[float(x) for x in content["poses"][int(image.stem)]] for image in images]
     except (LookupError, TypeError, ValueError) as error:
         raise _damaged(folder, error) from error
+    poses = []
+    for image, line in zip(images, lines, strict=True):
+        words = [f"{value!r}" for value in (*line[4:7], *line[:4])]
+        pose = reader.read(words, image.stem, f"the pose of {image.stem} in {folder / FILE}")
+        poses.append(None if pose is None else pose @ _ARKIT_CAMERA)
+    return poses
 
 
 def _content(path: Path) -> dict[str, Any] | None:

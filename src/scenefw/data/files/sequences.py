@@ -25,7 +25,7 @@ from scenefw.data.files.intrinsics import intrinsics_file, read_calibration
 from scenefw.data.files.layouts import TUM_UNIT, Surroundings
 from scenefw.data.files.pose_conventions import check_conventions, converted
 from scenefw.data.files.sequence_frames import IGNORED, Entry, FrameFiles, require_size
-from scenefw.data.files.timed_lines import nearest_times, timed_lines, timed_poses
+from scenefw.data.files.timed_lines import nearest_times, timed_lines, timed_poses, unmatched_note
 
 _COLOURS = ("rgb", "colour", "color")
 _DEPTHS = (".png", ".npy", ".exr")
@@ -45,6 +45,11 @@ class _Sequence(ABC):
     def __len__(self) -> int:
         """Number of frames."""
         return len(self._frames.entries)
+
+    @property
+    def depth_files(self) -> list[Path]:
+        """Of the frames."""
+        return [entry.depth for entry in self._frames.entries]
 
     @property
     def poses(self) -> list[NDArray[np.float64]]:
@@ -184,12 +189,13 @@ class TUMSequence(_Sequence):
         colour_of = nearest_times(depth_times, colour_times, largest_delay)
         matrices: list[NDArray[np.float64]] = []
         pose_of = np.full(len(depths), -1)
-        self.notes = ()
+        self.notes = unmatched_note("colour image", depth_times, colour_times, colour_of)
         if (path / "groundtruth.txt").is_file():
             reader = pose_files.PoseReader(path / "groundtruth.txt")
             pose_times, matrices = timed_poses(path / "groundtruth.txt", reader)
             pose_of = nearest_times(depth_times, pose_times, largest_delay)
-            self.notes = reader.notes
+            self.notes += reader.notes
+            self.notes += unmatched_note("pose", depth_times, pose_times, pose_of)
         if require_poses and (pose_of < 0).all():
             raise no_poses(path, "groundtruth.txt", f"poses within {largest_delay} s of an image")
         entries = [

@@ -30,8 +30,39 @@ def timed_lines(path: Path) -> tuple[NDArray[np.float64], list[list[str]]]:
         raise InputError(
             f"{path} is empty or has a line with only a timestamp; expected 'time file'"
         )
+    if not np.isfinite(times).all():
+        raise InputError(f"{path} has a time that is {times[~np.isfinite(times)][0]}; give seconds")
     order = np.argsort(times, kind="stable")
+    repeated = np.flatnonzero(np.diff(times[order]) == 0)
+    if repeated.size:
+        raise InputError(
+            f"{path} has two lines of the time {times[order][repeated[0]]:.6f}; keep one"
+        )
     return times[order], [lines[i][1:] for i in order]
+
+
+def unmatched_note(
+    name: str,
+    times: NDArray[np.float64],
+    candidates: NDArray[np.float64],
+    matches: NDArray[np.int64],
+) -> tuple[str, ...]:
+    """A line that says which images have no partner near enough; none if all have one.
+
+    Args:
+        name: of what they lack.
+        times: of the images (s).
+        candidates: times of the partners (s).
+        matches: as of `nearest_times`.
+    """
+    lonely = times[matches < 0]
+    if not len(lonely) or not len(candidates):
+        return ()
+    delay = np.abs(candidates - lonely[0]).min()
+    return (
+        f"{len(lonely)} of {len(times)} depth images have no {name}; the nearest to that of "
+        f"{lonely[0]:.6f} is {delay:.3g} s away",
+    )
 
 
 def timed_poses(

@@ -12,7 +12,10 @@ import numpy as np
 
 from scenefw.core.geometry import inverse
 from scenefw.core.types import Float64
+from scenefw.data.files.pose_conventions import CONVENTIONS, converted
+from scenefw.data.files.poses import MAX_CAMERA_DISTANCE
 from scenefw.perception.estimate.transforms import moved_object, moved_obstacle
+from scenefw.perception.observation.points import MIN_PARALLEL_COSINE
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -39,7 +42,37 @@ def with_camera_in_base(estimate: SceneEstimate, T_base_camera: Float64 | None) 
     if T_base_camera is None:
         return estimate
     pose = np.asarray(T_base_camera, dtype=np.float64)
-    return replace(estimate, details={**estimate.details, CAMERA_IN_BASE: pose.tolist()})
+    warnings = [*estimate.details.get("warnings", ()), *_doubts(estimate, pose)]
+    details = {**estimate.details, CAMERA_IN_BASE: pose.tolist(), "warnings": warnings}
+    return replace(estimate, details=details)
+
+
+def _doubts(estimate: SceneEstimate, pose: Float64) -> list[str]:
+    """What is odd about the pose of a camera in a robot's base, a line each."""
+    lines = []
+    distance = float(np.linalg.norm(pose[:3, 3]))
+    if distance > MAX_CAMERA_DISTANCE:
+        lines.append(
+            f"camera_pose puts the camera {distance:.3g} m from the base; give metres, not "
+            "millimetres"
+        )
+    floor_camera = estimate.frame.camera.T_world_camera
+    up = _up_in_base(pose, floor_camera)
+    if up < MIN_PARALLEL_COSINE:
+        cosines = {n: _up_in_base(converted(pose, n), floor_camera) for n in CONVENTIONS}
+        names = [name for name, cosine in cosines.items() if cosine > MIN_PARALLEL_COSINE]
+        advice = f"with {CONVENTIONS[names[0]]} it would be level" if names else "is it up to date?"
+        lines.append(
+            f"by camera_pose the table is tilted by {np.degrees(np.arccos(up)):.0f} degrees in the "
+            f"base ({advice}); all is right if the base itself is tilted"
+        )
+    return lines
+
+
+def _up_in_base(T_base_camera: Float64, T_floor_camera: Float64) -> float:  # noqa: N803
+    """Cosine between the floor's normal and the base's z axis."""
+    motion = T_base_camera @ inverse(T_floor_camera)
+    return float(np.clip(motion[2, 2], -1, 1))
 
 
 def in_base(estimate: SceneEstimate) -> SceneEstimate:

@@ -35,3 +35,17 @@ def test_a_missing_library_is_one_line(tmp_path, monkeypatch):
         MissingDependencyError, match=r"a\.exr needs OpenEXR: pip install 'scenefw\[exr\]'"
     ):
         read_frame(tmp_path / "a.exr")
+
+
+def test_a_part_of_a_render_is_refused(tmp_path):
+    exr = pytest.importorskip("OpenEXR")
+    depth = frame_of(CAMERA).depth
+    windows = {
+        "dataWindow": tuple(np.array(end, np.int32) for end in ((20, 0), (79, 59))),
+        "displayWindow": tuple(np.array(end, np.int32) for end in ((0, 0), (79, 59))),
+    }
+    with exr.File({"type": exr.scanlineimage, **windows}, {"Z": depth[:, 20:].copy()}) as file:
+        file.write(str(tmp_path / "a.exr"))
+    np.savetxt(tmp_path / "K.txt", CAMERA.matrix)
+    with pytest.raises(InputError, match=r"a\.exr holds the part \[\[20, 0\], \[79, 59\]\]"):
+        read_frame(tmp_path / "a.exr")

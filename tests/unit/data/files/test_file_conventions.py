@@ -259,6 +259,17 @@ def test_record3d_tells_camera_and_poses(tmp_path):
         u = np.linspace(0, 250, 80)
         assert np.abs(frame.colour[30, 2:-2, 0] - u[2:-2]).max() < 4  # less than a pixel and a half
     np.testing.assert_allclose(read_frame(tmp_path / "depth/0.exr").camera.matrix, K, atol=0.01)
+    for changes, message in (
+        ({"w": 0}, "intrinsics are of 0 x 120 pixels"),
+        ({"w": 120, "h": 160}, "are width and height swapped"),
+        ({"poses": [[0.0] * 7, *poses[1:]]}, "has the length 0, not 1"),
+    ):
+        (tmp_path / "metadata.json").write_text(json.dumps({**content, **changes}))
+        with pytest.raises(InputError, match=message):
+            list(open_sequence(tmp_path))
+    lost = {**content, "poses": [poses[0], [float("nan")] * 7, *poses[2:]]}
+    (tmp_path / "metadata.json").write_text(json.dumps(lost))
+    assert len(open_sequence(tmp_path)) == 3
 
 
 @pytest.mark.parametrize("lost", [[2], [0, 5]])

@@ -60,7 +60,7 @@ def test_a_tum_sequence_tells_units_and_colour_by_time(tmp_path):
     (tmp_path / "rgb.txt").write_text("10.00 rgb/10.00.png\n")
     assert read_frame(image).colour is None
     (tmp_path / "rgb.txt").write_text("now rgb/10.00.png\n")
-    with pytest.raises(InputError, match="isn't 'time file'"):
+    with pytest.raises(InputError, match="line without a timestamp"):
         read_frame(image)
 
 

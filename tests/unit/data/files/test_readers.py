@@ -316,3 +316,74 @@ def test_a_device_is_no_image():
 def test_colour_of_an_archive_is_checked_as_that_of_an_array(tmp_path, colour, said):
     with pytest.raises(InputError, match=said):
         read_frame(save_npz(tmp_path, rgb=colour))
+
+
+SENSOR = (0.08, -0.05, 0.001, -0.001, 0.02)  # k1 k2 p1 p2 k3
+FOUR = {"fx": 60.0, "fy": 61.0, "cx": 19.5, "cy": 14.5}
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        {"distortion": {"k1": 0.08, "k2": -0.05, "k3": 0.02, "p1": 0.001, "p2": -0.001}},
+        {"distortion": {"model": "brown", "p2": -0.001, "p1": 0.001, "k1": 0.08, "k2": -0.05,
+                        "k3": 0.02}},
+        {"distCoef": SENSOR},
+        {"dist": SENSOR},
+        {"distortion": "0.08 -0.05, 0.001 -0.001 0.02"},
+        {"distortion_model": "plumb_bob", "D": SENSOR},
+        {"model": "OPENCV", "k1": 0.08, "k2": -0.05, "k3": 0.02, "p1": 0.001, "p2": -0.001},
+    ],
+)  # fmt: skip
+def test_a_lens_is_read_by_the_names_of_its_coefficients(tmp_path, words):
+    (tmp_path / "K.json").write_text(json.dumps({**FOUR, **words}))
+    assert read_calibration(tmp_path / "K.json").lens.coefficients == (*SENSOR, 0, 0, 0)
+
+
+def test_coefficients_without_the_first_make_a_lens(tmp_path):
+    (tmp_path / "K.json").write_text(json.dumps({**FOUR, "k1": None, "p1": 0.01}))
+    assert read_calibration(tmp_path / "K.json").lens.coefficients == (0, 0, 0.01, 0, 0, 0, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        *(
+            ({"distortion_model": model, "D": SENSOR}, f"unknown model .{model}")
+            for model in ("fov", "omni", "double_sphere", "eucm", "ftheta", "division")
+        ),
+        ({"radial_distortion": [0.1, -0.2]}, "radial_distortion of .* isn't read"),
+        ({"distortion": {"radial": [0.1, -0.2]}}, "distortion: radial of .* isn't read"),
+        ({"distortion": "strong"}, "holds no numbers"),
+    ],
+)
+def test_a_lens_that_is_not_read_is_refused(tmp_path, words, message):
+    (tmp_path / "K.json").write_text(json.dumps({**FOUR, **words}))
+    with pytest.raises(InputError, match=message):
+        read_calibration(tmp_path / "K.json")
+
+
+def test_a_lens_without_distortion_is_none(tmp_path):
+    for words in ({"distortion_model": "omni", "D": [0.0] * 5}, {"radial_distortion": [0, 0]}):
+        (tmp_path / "K.json").write_text(json.dumps({**FOUR, **words}))
+        assert read_calibration(tmp_path / "K.json").lens is None
+
+
+def test_what_an_npz_says_beside_its_matrix_counts(tmp_path):
+    values = (DEPTH / 0.8).astype(np.uint16)
+    read = read_frame(save_npz(tmp_path, depth_mm=None, depth=values, depth_scale=0.0008))
+    np.testing.assert_allclose(read.depth, 0.0008 * values, rtol=1e-6)
+    with pytest.raises(InputError, match="its intrinsics are of 80 x 60"):
+        read_frame(save_npz(tmp_path, width=80, height=60))
+    assert "undistorted" in read_frame(save_npz(tmp_path, D=SENSOR)).notes[0]
+    with pytest.raises(InputError, match=r"depth_mm and depth of .* differ; keep one"):
+        read_frame(save_npz(tmp_path, depth=DEPTH / 1500))
+    for depth in (DEPTH / 1000, DEPTH):
+        np.testing.assert_allclose(read_frame(save_npz(tmp_path, depth=depth)).depth, DEPTH / 1000)
+
+
+def test_a_damaged_colour_image_is_named(tmp_path):
+    path = save_npz(tmp_path)
+    (tmp_path / "view.rgb.jpg").write_bytes(b"\xff\xd8\xff\xe0 no picture")
+    with pytest.raises(InputError, match=r"colour image .*view\.rgb\.jpg"):
+        read_frame(path)

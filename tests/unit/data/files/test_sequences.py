@@ -108,11 +108,26 @@ def test_tum_format_is_associated_by_time(tmp_path):
     assert read[0].labels is None
 
 
+@pytest.mark.parametrize("name", ["rgb.txt", "depth.txt", "groundtruth.txt"])
+@pytest.mark.parametrize(
+    ("time", "message"), [("nan", "has a time that is nan"), (None, "two lines of the time")]
+)
+def test_tum_times_that_choose_the_wrong_image_are_refused(tmp_path, name, time, message):
+    write_tum(tmp_path, frames())
+    lines = (tmp_path / name).read_text().splitlines()
+    time, *rest = [time or lines[-1].split()[0], *lines[0].split()[1:]]
+    (tmp_path / name).write_text("\n".join([" ".join([time, *rest]), *lines]))
+    with pytest.raises(InputError, match=rf"{name} has .*{message.removeprefix('has ')}"):
+        open_sequence(tmp_path)
+
+
 def test_tum_images_without_a_pose_in_time_are_left_out(tmp_path):
     write_tum(tmp_path, frames())
     file = tmp_path / "groundtruth.txt"
     file.write_text("\n".join(file.read_text().splitlines()[:-1]))
-    assert len(TUMSequence(tmp_path)) == 3
+    sequence = TUMSequence(tmp_path)
+    assert len(sequence) == 3
+    assert "1 of 4 depth images have no pose; the nearest to that of" in sequence.notes[0]
     assert len(TUMSequence(tmp_path, require_poses=False)) == 4
     with pytest.raises(InputError, match="no camera poses"):
         TUMSequence(tmp_path, largest_delay=0.001)

@@ -1,3 +1,4 @@
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -108,3 +109,26 @@ def test_a_pose_is_read_however_it_is_written(tmp_path):
 def test_what_is_no_pose_is_one_line(wrong):
     with pytest.raises(InputError):
         camera_pose_of(wrong)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        (lambda pose: pose, None),
+        (np.linalg.inv, "with poses from world to camera it would be level"),
+        (
+            lambda pose: pose @ np.diag([1.0, -1, -1, 1]),
+            "camera axes of OpenGL.* it would be level",
+        ),
+        (lambda pose: rigid(pose[:3, :3], 1000 * pose[:3, 3]), "m from the base; give metres"),
+    ],
+)
+def test_a_pose_that_contradicts_the_table_is_told(estimate, wrong, words):
+    turned = rigid(
+        Rotation.from_euler("z", 40, degrees=True).as_matrix(), np.array([0.3, 0.2, 0.5])
+    )
+    pose = turned @ estimate.frame.camera.T_world_camera
+    warnings = with_camera_in_base(estimate, wrong(pose)).details["warnings"]
+    assert warnings[0] == "a line"  # of the image
+    assert len(warnings[1:]) == (words is not None)
+    assert words is None or re.search(words, warnings[1])
