@@ -85,9 +85,10 @@ class Calibration:
         """
         if self.size is None or self.size == (width, height):
             return self
-        if min(self.size) < 1:
+        if min(self.size) < 1 or abs(self.size[0] / self.size[1] * height - width) > 1:
             raise InputError(
-                f"intrinsics are of an image of {self.size[0]} x {self.size[1]} pixels"
+                f"intrinsics are of {self.size[0]} x {self.size[1]} pixels, depth has {width} x "
+                f"{height}, of another shape; are width and height swapped?"
             )
         (fx, _, cx), (_, fy, cy) = self.matrix[:2]
         camera = Camera(*self.size, fx, fy, cx, cy).resized(width, height)
