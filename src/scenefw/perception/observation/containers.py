@@ -16,8 +16,6 @@ from scenefw.perception.observation.raster import CELL, GAP, FloorRaster
 from scenefw.perception.observation.walls import Wall, find_walls, surface_normals
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from numpy.typing import NDArray
 
     from scenefw.core.types import Float32, Float64
@@ -75,24 +73,21 @@ def container_pixels(
     components[np.isnan(points[..., 2])] = 0
     sizes = np.bincount(components.ravel())
     stride = coarse_step(raised.shape[1])
-    coarse_points, coarse_components = points[::stride, ::stride], components[::stride, ::stride]
-    normals = surface_normals(coarse_points)
+    normals = surface_normals(points[::stride, ::stride])
     for label, box in enumerate(ndimage.find_objects(components), start=1):
         if sizes[label] < min_pixels:
             continue
-        pixels, is_coarse = components[box] == label, coarse_components == label
-        surface = coarse_points[is_coarse]
+        pixels, places = components[box] == label, points[box][..., :2]
         others = raised[box] & ~pixels
-        places = points[box][pixels][:, :2]
-        sides: list[_Side] = []
-        if _looks_inward(surface, normals[is_coarse]) and _is_rectangle(surface[:, :2]):
-            walls = find_walls(coarse_points, is_coarse, wall_distance, eye, MIN_PARALLEL_COSINE)
-            sides = [side for wall in walls for side in _sides(wall, places)]
-        if not _is_open(sides):
+        coarse_box = tuple(slice(-(-s.start // stride), -(-s.stop // stride)) for s in box)
+        surface = components[::stride, ::stride][coarse_box] == label
+        surface_points = points[::stride, ::stride][coarse_box]
+        sides = _open_sides(surface_points, normals[coarse_box], surface, eye, wall_distance)
+        if not sides:
             if _is_ring(points[box][pixels], points[box][others], min_pixels):
                 mask[box] |= pixels
             continue
-        inner = np.min([side.depth(points[box][..., :2]) for side in sides], axis=0)
+        inner = np.min([side.depth(places) for side in sides], axis=0)
         pieces = depth_parts(depth[box], pixels & (inner > wall_distance), EDGE)
         areas = np.bincount(pieces.ravel())
         far_areas = np.bincount(pieces.ravel(), (inner > 2 * wall_distance).ravel())
@@ -100,17 +95,38 @@ def container_pixels(
         are_contents[0] = False
         contents = are_contents[pieces]
         is_full = contents.any() or (others & (inner > wall_distance)).sum() >= min_pixels
-        if is_full or np.ptp(places, axis=0).max() > max_size:
+        if is_full or np.ptp(places[pixels], axis=0).max() > max_size:
             mask[box] |= pixels & ~contents
     return mask
 
 
-def _looks_inward(points: Float64, normals: Float64) -> bool:
-    """Whether some of a surface's points (N, 3) look at its middle from beside it."""
-    from_middle = points[:, :2] - points[:, :2].mean(axis=0)
-    is_steep = np.abs(normals[:, 2]) < MIN_PARALLEL_COSINE  # not at edges, where it is NaN
-    is_inward = (normals[is_steep, :2] * from_middle[is_steep]).sum(axis=1) < 0
-    return bool(is_inward.sum() > MINORITY * is_steep.sum())
+def _open_sides(
+    points: Float64, normals: Float64, surface: Mask, eye: Float64, wall_distance: float
+) -> list[_Side]:
+    """All sides of a connected surface, if it is an open rectangle; none otherwise.
+
+    Args:
+        points: (H, W, 3) metres.
+        normals: (H, W, 3) into the surface, as of `surface_normals`, NaN at edges.
+        surface: (H, W) its pixels.
+        eye: (3,) where the camera is (m).
+        wall_distance: points this close to a wall lie on it (m).
+    """
+    places = points[surface][:, :2]
+    if not len(places):
+        return []
+    is_steep = surface & (np.abs(normals[..., 2]) < MIN_PARALLEL_COSINE)
+    from_middle = points[..., :2] - places.mean(axis=0)
+    is_inward = is_steep & ((normals[..., :2] * from_middle).sum(axis=-1) > 0)
+    if is_inward.sum() <= MINORITY * is_steep.sum() or not _is_rectangle(places):
+        return []
+    for candidates in (is_inward, surface):  # few look inward where nothing is open
+        walls = find_walls(points, candidates, wall_distance, eye, MIN_PARALLEL_COSINE)
+        sides = [side for wall in walls for side in _sides(wall, places)]
+        inner = [side.wall.normal for side in sides if side.inward > 0]
+        if not any(abs(a @ b) < MIN_PARALLEL_COSINE for a in inner for b in inner):
+            return []
+    return sides
 
 
 def _sides(wall: Wall, places: Float64) -> list[_Side]:
@@ -121,12 +137,6 @@ def _sides(wall: Wall, places: Float64) -> list[_Side]:
     sides = [_Side(wall, inward) for inward in (1.0, -1.0)]
     max_rim = GAP * CELL  # beyond the inner face of a wall
     return [side for side in sides if np.mean(side.depth(places) < -max_rim) < STRAYS]
-
-
-def _is_open(sides: Sequence[_Side]) -> bool:
-    """Whether sides of two directions look inwards."""
-    inner = [side.wall.normal for side in sides if side.inward > 0]
-    return any(abs(a @ b) < MIN_PARALLEL_COSINE for a in inner for b in inner)
 
 
 def _is_rectangle(places: Float64) -> bool:

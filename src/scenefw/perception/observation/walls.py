@@ -110,7 +110,7 @@ def find_walls(
 
 
 def surface_normals(points: Float64) -> Float64:
-    """Unit normals (H, W, 3) by cross products of differences, NaN at edges.
+    """Unit normals (H, W, 3), away from the camera, by cross products of differences, NaN at edges.
 
     Args:
         points: (H, W, 3) metres, NaN = no depth.
