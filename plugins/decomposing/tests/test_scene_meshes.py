@@ -1,5 +1,8 @@
 """Meshes of scenes: z up and in metres from every format, or one clear line."""
 
+import json
+import os
+
 import numpy as np
 import pytest
 import trimesh
@@ -77,3 +80,58 @@ def test_unusable_files(tmp_path):
     (tmp_path / "nan.obj").write_text("v 0 0 0\nv nan 0 0\nv 0 1 0\nf 1 2 3\n")
     with pytest.raises(InputError, match=r"nan\.obj has vertices that are not numbers"):
         read_scene_mesh(tmp_path / "nan.obj")
+
+
+@pytest.mark.parametrize(("suffix", "number"), [(".ply", "99"), (".ply", "-1"), (".obj", "99")])
+def test_faces_of_vertices_that_a_file_lacks(tmp_path, suffix, number):
+    file = tall(tmp_path / f"scene{suffix}", **{"encoding": "ascii"} if suffix == ".ply" else {})
+    lines = file.read_text().rstrip().splitlines()
+    file.write_text("\n".join([*lines[:-1], lines[-1].rsplit(" ", 1)[0] + f" {number}", ""]))
+    with pytest.raises(InputError, match=r"scene\.\w+") as raised:
+        read_scene_mesh(file)
+    assert "\n" not in str(raised.value)
+
+
+def gltf(path, **changes):
+    """A box as glTF with its numbers in a file beside it."""
+    files = tall_box().export(file_type="gltf")
+    header = json.loads(files.pop("model.gltf")) | changes
+    for name, content in files.items():
+        (path.parent / name).write_bytes(content)
+    if "uri" in changes:
+        for buffer in header["buffers"]:
+            buffer["uri"] = changes["uri"]
+    path.write_text(json.dumps(header))
+    return path
+
+
+def tall_box():
+    return trimesh.Scene(trimesh.creation.box((0.1, 0.3, 0.2)))
+
+
+def test_gltf_with_its_numbers_beside_it(tmp_path):
+    mesh, _ = read_scene_mesh(gltf(tmp_path / "scene.gltf"))
+    np.testing.assert_allclose(np.ptp(mesh.vertices, axis=0), [0.1, 0.2, 0.3], atol=1e-6)
+    os.mkfifo(tmp_path / "pipe.bin")
+    (tmp_path / "link.bin").symlink_to("/dev/zero")
+    for uri in ("pipe.bin", "link.bin", "/etc/hostname", "../other.bin", "none.bin"):
+        with pytest.raises(InputError, match=rf"numbers in '{uri}', which is no plain file"):
+            read_scene_mesh(gltf(tmp_path / "scene.gltf", uri=uri))
+    pictures = [{"uri": "none.png"}]  # not read
+    read_scene_mesh(gltf(tmp_path / "scene.gltf", images=pictures))
+
+
+@pytest.mark.parametrize("name", ["KHR_draco_mesh_compression", "EXT_meshopt_compression"])
+def test_compressed_gltf(tmp_path, name):
+    file = gltf(tmp_path / "scene.gltf", extensionsRequired=[name])
+    with pytest.raises(InputError, match=f"needs {name}; export without Draco"):
+        read_scene_mesh(file)
+
+
+def test_gltf_of_two_objects_one_of_which_has_faces_of_the_other(tmp_path):
+    scene = tall_box()
+    scene.add_geometry(trimesh.creation.box((0.1, 0.1, 0.1)))
+    next(iter(scene.geometry.values())).faces[-1, 0] = 9
+    scene.export(tmp_path / "two.glb")
+    with pytest.raises(InputError, match=r"faces of vertices 0 to 9, but 8 vertices"):
+        read_scene_mesh(tmp_path / "two.glb")

@@ -4,6 +4,7 @@ import contextlib
 import io
 import json
 import struct
+from itertools import islice
 
 import numpy as np
 import pytest
@@ -15,8 +16,10 @@ from PIL import Image
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.data.files.lens import lens_of, undistorted
 from scenefw.data.files.readers import find_images, read_frame
-from scenefw_recordings.bags import Bag, topics_of
+from scenefw.data.files.sequences import RGBDFolder
+from scenefw_recordings.bags import Bag
 from scenefw_recordings.rvl import decode_rvl
+from scenefw_recordings.topics import topics_of
 from scenefw_recordings.unpack_bag import UnpackBag
 
 rosbag2 = pytest.importorskip("rosbags.rosbag2")
@@ -61,21 +64,25 @@ class Store:
             data=np.frombuffer(data, np.uint8),
         )  # fmt: skip
 
-    def info(self, model="plumb_bob", coefficients=(0,) * 5, projection=(0,) * 12):
+    def info(
+        self, model="plumb_bob", coefficients=(0,) * 5, projection=(0,) * 12, matrix=K,
+        size=(40, 30), region=(0, 0, 0, 0), binning=0,
+    ):  # fmt: skip
+        names = ("x_offset", "y_offset", "width", "height")
         roi = self.of(
-            "sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0,
+            "sensor_msgs/msg/RegionOfInterest", **dict(zip(names, region, strict=True)),
             do_rectify=False,
         )  # fmt: skip
         names = "DKRP" if self.old else "dkrp"
         values = (
             np.array(coefficients, float),
-            K.ravel(),
+            matrix.ravel(),
             np.eye(3).ravel(),
             np.array(projection, float),
         )
         return self.of(
-            "sensor_msgs/msg/CameraInfo", header=self.header(), height=30, width=40,
-            distortion_model=model, binning_x=0, binning_y=0, roi=roi,
+            "sensor_msgs/msg/CameraInfo", header=self.header(), height=size[1],
+            width=size[0], distortion_model=model, binning_x=binning, binning_y=binning, roi=roi,
             **dict(zip(names, values, strict=True)),
         )  # fmt: skip
 
@@ -106,6 +113,8 @@ def recording(depth=DEPTH, encoding="16UC1", **options):
         (f"{CAMERA}/image_raw", 1.1, lambda s: s.image(depth, encoding, **options)),
         (f"{CAMERA}/image_raw", 2, lambda s: s.image(depth + 1, encoding, **options)),
         (f"{CAMERA}/image_raw", 3, lambda s: s.image(depth + 2, encoding, **options)),
+        ("/camera/color/image_raw", 2.1, lambda s: s.image(COLOUR, "rgb8")),
+        ("/camera/color/image_raw", 3.1, lambda s: s.image(COLOUR, "rgb8")),
     ]
 
 
@@ -257,7 +266,7 @@ def test_images_are_undistorted_by_their_camera_info(tmp_path):
     messages = compressed("16UC1; png compressed", png_of(DEPTH), colour=True)
     messages[0] = (messages[0][0], 0, lambda s: s.info("rational_polynomial", rational))
     [frame] = Bag(written(tmp_path / "r", messages)).frames()
-    [note] = frame.notes
+    _, note = frame.notes
     assert "undistorted by the coefficients D of /depth_registered/camera_info" in note
     lens = lens_of("rational_polynomial", rational, "r")
     depth, colour = undistorted(lens, K, [(DEPTH / 1000).astype(np.float32), COLOUR], "r")
@@ -286,8 +295,8 @@ def test_rectified_images_have_the_intrinsics_of_their_projection(tmp_path):
     ],
 )
 def test_colour_of_another_size_is_left_out_with_a_line(tmp_path, capsys, colour, said):
-    messages = recording()
-    messages[1] = (messages[1][0], 1, lambda s: s.image(colour, "rgb8"))
+    messages = [m for m in recording() if m[0] != "/camera/color/image_raw"]
+    messages += [("/camera/color/image_raw", t, lambda s: s.image(colour, "rgb8")) for t in (1, 2)]
     figures = UnpackBag(written(tmp_path / "r", messages), tmp_path / "out").run()
     assert figures == {"images": 3.0, "coloured": 0.0 if said else 3.0}
     assert (said or "") in capsys.readouterr().err
@@ -311,7 +320,7 @@ def test_colour_is_that_in_the_pixels_of_depth(depth, colours, colour):
     topics = topics_of(kinds, None, None, None)
     assert (topics.depth, topics.info) == (depth, info)
     assert topics.colour == (None if colour is None else colours[colour])
-    assert bool(topics.notes) == (colour is None)
+    assert len(topics.notes) == 1 + (colour is None)
 
 
 def test_realsense_recordings_say_their_unit_and_keep_colour_apart(tmp_path):
@@ -333,8 +342,18 @@ def test_realsense_recordings_say_their_unit_and_keep_colour_apart(tmp_path):
     [
         ([1], {}, "no topic with images is named depth"),
         ([2, 3, 4], {}, "no topic beside"),
-        ([0, 2], {"depth": "/nothing"}, "there is no topic /nothing; the bag has"),
-        ([0, 1], {"depth": "/camera/color/image_raw"}, "encoded as rgb8; expected one of 16UC1"),
+        (
+            [0, 2],
+            {"depth": "/nothing"},
+            "there is no topic /nothing of Image or Comp.*; the bag has",
+        ),
+        (
+            [0, 1],
+            {"depth": "/camera/color/image_raw", "info": f"{CAMERA}/camera_info"},
+            "encoded as rgb8; expected one of 16UC1",
+        ),
+        ([0, 2], {"depth": f"{CAMERA}/camera_info"}, "there is no topic .*camera_info of Image"),
+        ([0, 2], {"info": f"{CAMERA}/image_raw"}, "there is no topic .*image_raw of CameraInfo"),
     ],
 )
 def test_what_a_bag_lacks_is_one_line(tmp_path, left, options, said):
@@ -385,3 +404,223 @@ def test_topics_beside_each_other_are_taken():
     assert (found.depth, found.info) == ("/left/depth/image", "/left/depth/camera_info")
     assert found.colour is None  # nothing says that it is aligned
     assert topics_of(kinds, None, "/left/color/image", None).colour == "/left/color/image"
+
+
+FULL = K * [[2], [2], [1]]  # of images of 80 x 60 pixels
+
+
+@pytest.mark.parametrize(
+    ("info", "matrix"),
+    [
+        ({"matrix": FULL, "size": (80, 60), "binning": 2}, K),
+        (
+            {"matrix": FULL, "size": (80, 60), "region": (20, 15, 40, 30)},
+            FULL - [[0, 0, 20], [0, 0, 15], [0, 0, 0]],
+        ),
+        (
+            {
+                "matrix": FULL * [[2], [2], [1]],
+                "size": (160, 120),
+                "region": (40, 30, 80, 60),
+                "binning": 2,
+            },
+            FULL - [[0, 0, 20], [0, 0, 15], [0, 0, 0]],
+        ),
+        ({"size": (0, 0)}, K),
+    ],
+)
+def test_intrinsics_are_those_of_the_region_and_of_binned_pixels(tmp_path, info, matrix):
+    messages = recording()
+    messages[0] = (messages[0][0], 0, lambda s: s.info(**info))
+    [frame] = Bag(written(tmp_path / "r", messages)).frames(max_frames=1)
+    np.testing.assert_allclose(frame.matrix, matrix)
+
+
+@pytest.mark.parametrize(
+    ("info", "said"),
+    [
+        (
+            {"matrix": FULL, "size": (80, 60)},
+            "has 40 x 30 pixels, but its intrinsics are of 80 x 60",
+        ),
+        ({"size": (80, 60), "binning": 4}, "its intrinsics are of 20 x 15"),
+        ({"matrix": K * np.nan}, "fx = nan"),
+        ({"matrix": K * 0}, "fx = 0"),
+        ({"matrix": -K}, "fx = -60"),
+    ],
+)
+def test_intrinsics_that_cannot_be_are_one_line(tmp_path, info, said):
+    messages = recording()
+    messages[0] = (messages[0][0], 0, lambda s: s.info(**info))
+    with pytest.raises(
+        InputError, match=rf"{said}.*{CAMERA}/camera_info: run\.info=TOPIC"
+    ) as caught:
+        list(Bag(written(tmp_path / "r", messages)).frames())
+    assert "\n" not in str(caught.value)
+
+
+ALIGNED = "/c/aligned_depth_to_color/image_raw"
+
+
+@pytest.mark.parametrize(
+    ("depth", "colour", "infos", "info"),
+    [
+        (ALIGNED, "/c/color/image_raw", ["/c/depth", "/c/color"], 1),
+        (ALIGNED, "/c/color/image_raw", ["/c/color", "/c/aligned_depth_to_color"], 1),
+        (ALIGNED, None, ["/c/depth", "/c/infra1", "/c/color"], 2),
+        ("/depth_to_rgb/image_raw", "/rgb/image_raw", ["/depth", "/rgb"], 1),
+        ("/c/depth/image", None, ["/c/rgb", "/c/depth"], 1),
+        ("/c/depth/image", None, ["/c/rgb", "/c"], 1),
+        ("/c/aligned_depth", "/c/color", ["/c/depth", "/c/color"], 1),
+        (ALIGNED, "/c/color/image_raw", ["/c/depth", "/c/infra1"], "no topic beside"),
+        ("/c/depth/image", None, ["/c/rgb"], "no topic beside"),
+        ("/a/c/depth/image", None, ["/a/d/depth"], "no topic beside"),
+        ("/c/depth/image", None, ["/c/infra1", "/c/infra2"], "fit alike"),
+    ],
+)
+def test_intrinsics_are_of_the_sensor_in_whose_pixels_depth_is(depth, colour, infos, info):
+    names = [f"{name}/camera_info" for name in infos]
+    kinds = dict.fromkeys(names, "CameraInfo") | {depth: "Image"}
+    if colour is not None:
+        kinds[colour] = "Image"
+    if isinstance(info, str):
+        with pytest.raises(InputError, match=rf"{info}.*give run\.info=TOPIC"):
+            topics_of(kinds, None, None, None)
+    else:
+        assert topics_of(kinds, None, None, None).info == names[info]
+
+
+def test_colour_is_of_the_camera_of_depth():
+    depths = [f"/cam{n}/aligned_depth_to_color/image_raw" for n in (1, 2)]
+    colours = [f"/cam{n}/color/image_raw" for n in (1, 2)]
+    infos = [f"/cam{n}/color/camera_info" for n in (1, 2)]
+    kinds = dict.fromkeys([*depths, *colours], "Image") | dict.fromkeys(infos, "CameraInfo")
+    topics = topics_of(kinds, depths[1], None, None)
+    assert (topics.colour, topics.info) == (colours[1], infos[1])
+    assert topics.notes == (f"read: depth {depths[1]}, intrinsics {infos[1]}, colour {colours[1]}",)
+    with pytest.raises(InputError, match=r"are of several cameras; give run\.depth=TOPIC"):
+        topics_of(kinds, None, None, None)
+    of_first = {name: kind for name, kind in kinds.items() if name != colours[1]}
+    topics = topics_of(of_first, depths[1], None, infos[1])
+    assert topics.colour is None
+    assert "nothing says that it is aligned" in topics.notes[1]
+    anywhere = {"/depth_registered/image": "Image", "/depth_registered/camera_info": "CameraInfo"}
+    anywhere |= dict.fromkeys(colours, "Image")
+    with pytest.raises(InputError, match=r"several cameras; give run\.colour=none or run\.colour="):
+        topics_of(anywhere, None, None, None)
+    assert topics_of(anywhere, None, "none", None).colour is None
+
+
+def shades(times, depth_times, depth=DEPTH):
+    """A recording whose n-th colour image is of the value n."""
+    return [
+        (f"{CAMERA}/camera_info", 0, lambda s: s.info()),
+        *(
+            ("/camera/color/image_raw", t, lambda s, n=n: s.image(COLOUR * 0 + n, "rgb8"))
+            for n, t in enumerate(times)
+        ),
+        *((f"{CAMERA}/image_raw", t, lambda s: s.image(depth, "16UC1")) for t in depth_times),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("old", [True, False])
+def test_colour_is_the_nearest_in_time_or_none(tmp_path, old):
+    messages = shades([2, 3, 4, 4.5], [0.5, 1.5, 2.2, 2.6, 2.8, 3.9, 4.6, 9])
+    bag = Bag(written(tmp_path / ("r.bag" if old else "r"), messages, old))
+    frames = list(bag.frames())
+    numbers = [None if f.colour is None else int(f.colour[0, 0, 0]) for f in frames]
+    assert numbers == [None, 0, 0, 1, 1, 2, 3, None]
+    assert frames[0].notes[1] == (
+        "no colour for 2 of 8 depth images: /camera/color/image_raw has none within 1 s of them"
+    )
+    every_third = [int(f.colour[0, 0, 0]) for f in islice(bag.frames(3), 1, None)]
+    assert every_third == [1, 3]
+
+
+def test_what_is_written_is_a_sequence_with_colour_for_all_images(tmp_path, capsys):
+    path = written(tmp_path / "r", shades([2, 3, 4], [0.5, 2.2, 3.1, 9]))
+    figures = UnpackBag(path, tmp_path / "out").run()
+    assert figures == {"images": 2.0, "coloured": 2.0}
+    assert "2 of 4 depth images are left out" in capsys.readouterr().err
+    folder = tmp_path / "out" / "recording"
+    sequence = RGBDFolder(folder, require_poses=False)
+    assert [frame.colour[0, 0, 0] for frame in sequence] == [0, 1]
+    assert [float(t) for t in (folder / "times.txt").read_text().split()] == [2.2, 3.1]
+    assert UnpackBag(path, tmp_path / "out", colour="none").run()["images"] == 4
+    assert all(frame.colour is None for frame in RGBDFolder(folder, require_poses=False))
+
+
+@pytest.mark.parametrize("encoding", ["mono8", "bayer_rggb8"])
+def test_colour_that_cannot_be_read_is_left_out_with_a_line(tmp_path, capsys, encoding):
+    messages = recording()[:3]
+    messages[1] = (messages[1][0], 1, lambda s: s.image(COLOUR[..., 0], encoding))
+    figures = UnpackBag(written(tmp_path / "r", messages), tmp_path / "out").run()
+    assert figures == {"images": 1.0, "coloured": 0.0}
+    assert f"colour is left out: /camera/color/image_raw is encoded as {encoding}" in (
+        capsys.readouterr().err
+    )
+    assert len(RGBDFolder(tmp_path / "out" / "recording", require_poses=False)) == 1
+
+
+def test_images_without_a_measurement_are_left_out(tmp_path, capsys):
+    messages = [*recording()[:1], *recording()[2:5]]
+    messages[1] = (messages[1][0], 1, lambda s: s.image(DEPTH * 0, "16UC1"))
+    figures = UnpackBag(written(tmp_path / "r", messages), tmp_path / "out").run()
+    assert figures == {"images": 2.0, "coloured": 0.0}
+    assert "1 of 3 depth images are left out: nothing is measured" in capsys.readouterr().err
+    assert len(list(RGBDFolder(tmp_path / "out" / "recording", require_poses=False))) == 2
+
+
+SENSOR = "/device_0/sensor_0"
+
+
+def of_unit(unit, depth=DEPTH, encoding="mono16"):
+    return [
+        (f"{SENSOR}/option/Depth_Units/value", 0, lambda s: s.number(unit)),
+        (f"{SENSOR}/Depth_0/info/camera_info", 0, lambda s: s.info()),
+        (f"{SENSOR}/Depth_0/image/data", 2, lambda s: s.image(depth, encoding)),
+    ]
+
+
+NO_PIXELS = [
+    ("/depth_registered/camera_info", 0, lambda s: s.info()),
+    ("/depth_registered/image_raw", 1, lambda s: s.image(DEPTH[:, :0], "16UC1")),
+]
+
+
+@pytest.mark.parametrize(
+    ("messages", "options", "said"),
+    [
+        (of_unit(np.nan), {}, r"says nan metres per unit of depth; give run\.depth_scale"),
+        (of_unit(-1), {}, "says -1 metres per unit"),
+        (of_unit(0), {}, "says 0 metres per unit"),
+        (of_unit(1), {}, r"millimetres given as metres\? give run\.depth_scale=0\.001"),
+        (of_unit(1, DEPTH.astype(np.float32), "32FC1"), {}, "multiply it by 0.001"),
+        (of_unit(1, DEPTH.astype(np.float32), "32FC1"), {"depth_scale": 0.001}, "leave it out"),
+        (of_unit(1, DEPTH * 0), {}, "none of 1 depth images has a measurement"),
+        (NO_PIXELS, {}, r"has shape \(30, 0\)"),
+        (
+            compressed("16UC1; compressedDepth rvl", HEADER + struct.pack("<II", 0, 0)),
+            {},
+            r"has shape \(0, 0\)",
+        ),
+        (
+            [*shades([], [1]), *shades([], [2], DEPTH[:20])[1:]],
+            {},
+            "depth image 2 has 40 x 20 pixels, the first one 40 x 30; run.most=1",
+        ),
+    ],
+)
+def test_depth_that_no_run_could_read_is_not_written(tmp_path, messages, options, said):
+    bag = written(tmp_path / "r", messages)
+    with pytest.raises(InputError, match=said) as caught:
+        UnpackBag(bag, tmp_path / "out", **options).run()
+    assert "\n" not in str(caught.value)
+    assert not (tmp_path / "out" / "recording").exists()
+
+
+def test_a_given_unit_goes_before_that_of_the_bag(tmp_path):
+    [frame] = Bag(written(tmp_path / "r", of_unit(np.nan)), depth_scale=0.0005).frames()
+    np.testing.assert_allclose(frame.depth, DEPTH * 0.0005, rtol=1e-6)
+    with pytest.raises(ConfigError, match="depth_scale = 0: expected"):
+        UnpackBag("r", tmp_path, depth_scale=0)

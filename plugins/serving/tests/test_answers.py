@@ -9,6 +9,9 @@ from PIL import Image
 from plugins.serving.tests.services import FRAME, GRID, depth_png, error_of, intrinsics, npz, png
 from tests.unit.perception.pipelines import KnownBoxes, pipeline_of
 
+from scenefw_serving.limits import Limits
+from scenefw_serving.uploads import Part, Upload
+
 
 def test_an_npz_gives_the_scene_that_a_prediction_gives(client):
     answer = client.post("/reconstruct", content=npz())
@@ -118,6 +121,18 @@ def test_masks_with_scores_say_which_object_a_pixel_shows(client):
         ("scores", ("scores.json", b"[0.2, 0.9, 0.8]")),
     ]
     assert client.post("/reconstruct", files=files).status_code == 200
+
+
+def test_masks_that_vanish_are_told_and_the_others_keep_their_ids(client):
+    mask = (FRAME.labels == 2).astype(np.uint8) * 255
+    parts = [("masks", (f"{n}.png", png(part))) for n, part in enumerate((0 * mask, mask, mask))]
+    scene = client.post("/reconstruct", files=[("depth", ("a.npz", npz())), *parts]).json()
+    told = [line for line in scene["warnings"] if "of the masks is left out" in line]
+    assert [line.split(" of ")[0] for line in told] == ["object 1", "object 2"]
+    parts = {"depth": [Part(npz())], "masks": [Part(data) for _, (_, data) in parts]}
+    _, ids, _ = Upload(parts).read(Limits())
+    np.testing.assert_array_equal(ids, np.where(mask, 3, 0))
+    assert ids.dtype == np.int32
 
 
 def test_openapi_and_the_page_tell_all_routes(client):

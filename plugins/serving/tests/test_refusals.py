@@ -1,9 +1,11 @@
 """What the service refuses, each time in one line."""
 
 import io
+import re
 
 import numpy as np
 import pytest
+from PIL import Image
 from plugins.serving.tests.services import FRAME, depth_png, error_of, intrinsics, npz, png, serving
 
 from scenefw_serving.limits import Limits
@@ -66,6 +68,32 @@ def test_what_comes_twice_is_refused(client, name, key):
     answer = client.post("/reconstruct", files=files)
     assert answer.status_code == 422
     assert f"{name} comes twice" in error_of(answer)
+
+
+def picture(kind, *masks, **options):
+    first, *others = [Image.fromarray(mask) for mask in masks]
+    file = io.BytesIO()
+    more = {"save_all": True, "append_images": others} if others else {}
+    first.save(file, kind, **more, **options)
+    return file.getvalue()
+
+
+def test_masks_are_refused_that_show_no_sharp_object(client):
+    mask = (FRAME.labels == 2).astype(np.uint8) * 255
+    soft = np.array(Image.fromarray(mask).resize((40, 30)).resize((160, 120)))
+    for name, data, words in (
+        ("soft.png", png(soft), "soft"),
+        ("a.jpg", picture("JPEG", mask, quality=60), "mask of a|mask a has several values"),
+        ("two.png", picture("PNG", mask, mask.T.reshape(mask.shape)), "holds 2 pictures"),
+        ("colour.png", png(np.stack([mask] * 3, axis=-1)), "mode RGB"),
+        ("cut.png", png(mask)[:-40], "cannot read mask"),
+    ):
+        answer = client.post(
+            "/reconstruct", files=[("depth", ("a.npz", npz())), ("masks", (name, data))]
+        )
+        assert answer.status_code == 422
+        assert re.search(words, error_of(answer))
+        assert "/tmp" not in error_of(answer)
 
 
 def test_parameters_that_fit_nothing_are_one_line(client):

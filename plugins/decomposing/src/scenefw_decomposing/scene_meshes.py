@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +16,7 @@ from scenefw.core.types import Float64, TriangleMesh
 
 MESHES = (".ply", ".obj", ".stl", ".off", ".glb", ".gltf")
 _Y_UP = (".glb", ".gltf")  # by their standard
+_COMPRESSIONS = ("draco", "meshopt")  # in names of glTF's extensions
 _WITH_COUNT = {
     ".ply": re.compile(rb"^element\s+face\s+(\d+)", re.MULTILINE),
     ".off": re.compile(rb"\A\s*\w*OFF\b(?:\s|#[^\n]*\n)+\d+\s+(\d+)"),
@@ -47,7 +50,13 @@ def read_scene_mesh(path: Path | str, scale: float = 1.0) -> tuple[TriangleMesh,
     if not path.is_file():
         raise InputError(f"no file {path}; give input=PATH of a mesh ({', '.join(MESHES)})")
     try:
-        mesh = trimesh.load_scene(path, process=False, skip_materials=True).to_mesh()
+        if path.suffix.lower() in _Y_UP:
+            _require_plain(path)
+        scene = trimesh.load_scene(path, process=False, skip_materials=True)
+        _require_vertices(path, scene)
+        mesh = scene.to_mesh()
+    except InputError:
+        raise
     except Exception as error:  # trimesh passes on whatever its readers raise
         raise InputError(f"cannot read {path}: {unreadable(error, 'is it a mesh?')}") from error
     T = np.diag([scale, scale, scale, 1.0])  # noqa: N806
@@ -64,6 +73,55 @@ def read_scene_mesh(path: Path | str, scale: float = 1.0) -> tuple[TriangleMesh,
         )
     _require_metres(path, vertices)
     return TriangleMesh(vertices, faces), T
+
+
+def _require_plain(path: Path) -> None:
+    """That a glTF file is not compressed, and its numbers are in it or in files beside it.
+
+    Pictures are not read, so they may be missing.
+    """
+    header = _gltf_header(path)
+    for name in header.get("extensionsRequired", ()):
+        if any(compression in name.lower() for compression in _COMPRESSIONS):
+            raise InputError(f"{path} needs {name}; export without Draco or meshopt compression")
+    buffers = [buffer for buffer in header.get("buffers", ()) if isinstance(buffer, dict)]
+    for uri in [buffer["uri"] for buffer in buffers if "uri" in buffer]:
+        if "base64," not in uri and not _is_beside(path, uri):
+            raise InputError(
+                f"{path} has its numbers in {uri[:99]!r}, which is no plain file in its "
+                "folder; copy that file there, or export as .glb"
+            )
+
+
+def _gltf_header(path: Path) -> Any:
+    with path.open("rb") as file:
+        if path.suffix.lower() == ".glb":  # 12 bytes, then length and kind of the header
+            file.seek(12)
+            data = file.read(int.from_bytes(file.read(8)[:4], "little"))
+        else:
+            data = file.read()
+    return json.loads(data)
+
+
+def _is_beside(path: Path, uri: str) -> bool:
+    """Whether what trimesh opens, by a whole name or the last part of it, is a plain file."""
+    folder, name = path.parent.resolve(), uri.strip()
+    for candidate in (name, name.lstrip("/"), Path(uri).name):
+        file = (folder / candidate).resolve()
+        if file.is_relative_to(folder) and file.exists():
+            return file.is_file()
+    return False
+
+
+def _require_vertices(path: Path, scene: Any) -> None:
+    """That faces are of vertices that there are."""
+    for part in scene.geometry.values():
+        faces, count = np.asarray(getattr(part, "faces", ())), len(part.vertices)
+        if faces.size and not 0 <= faces.min() <= faces.max() < count:
+            raise InputError(
+                f"{path} has faces of vertices {faces.min()} to {faces.max()}, but {count} "
+                "vertices from 0 on; export it again"
+            )
 
 
 def _least_faces(path: Path) -> int:

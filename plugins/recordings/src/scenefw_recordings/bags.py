@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+from collections import deque
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import islice, repeat
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from scenefw.core.errors import InputError, MissingDependencyError
+from scenefw.core.errors import EmptyImageError, InputError, MissingDependencyError
 from scenefw.core.files import unreadable
-from scenefw.data.files.lens import Lens, lens_of, undistorted
-from scenefw_recordings.image_messages import MILLIMETRES, colour_of, depth_of
+from scenefw.data.files.image_checks import Stored, check_depth, metres
+from scenefw.data.files.layouts import MILLIMETRES
+from scenefw.data.files.lens import undistorted
+from scenefw.data.files.timed_lines import nearest_times
+from scenefw_recordings.camera_info import recorded_calibration
+from scenefw_recordings.image_messages import colour_of, depth_of
+from scenefw_recordings.topics import topics_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -19,12 +26,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-_IMAGE, _COMPRESSED, _INFO = "Image", "CompressedImage", "CameraInfo"
-_REGISTERED_DEPTH = ("aligned", "registered", "depth_to_rgb", "depth_to_color", "depth_to_colour")
-"""Words in topics of depth in the pixels of colour: librealsense, OpenNI, ZED, Azure Kinect."""
-_REGISTERED_COLOUR = ("rgb_to_depth", "color_to_depth", "colour_to_depth")
-"""Words in topics of colour in the pixels of depth."""
-_COLOUR = ("color", "colour", "rgb")
+    from scenefw.data.files.intrinsics import Calibration
+    from scenefw_recordings.topics import Topics
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,33 +49,15 @@ class RecordedFrame:
     notes: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class Topics:
-    """Names of what is read.
-
-    Args:
-        depth: images of depth.
-        info: their intrinsics.
-        colour: images from the same place and of the same size; None: there are none.
-        unit: metres per unit of integer depth, as one message; None: millimetres.
-        notes: why colour is left out, a line.
-    """
-
-    depth: str
-    info: str
-    colour: str | None = None
-    unit: str | None = None
-    notes: tuple[str, ...] = ()
-
-
 class Bag:
     """A recording: a `.bag` (ROS 1, RealSense), a `.db3` or `.mcap`, or a folder of ROS 2.
 
     Args:
         path: of it.
         depth: topic of depth images; None: the one whose name says so, an aligned one first.
-        colour: topic of colour images; None: one beside, if it is aligned.
+        colour: topic of colour images; None: one beside, if it is aligned; `none`: no colour.
         info: topic of the intrinsics of depth; None: beside the images.
+        depth_scale: metres per unit of integer depth; None: as the bag says, else millimetres.
     """
 
     def __init__(
@@ -81,18 +66,21 @@ class Bag:
         depth: str | None = None,
         colour: str | None = None,
         info: str | None = None,
+        depth_scale: float | None = None,
     ) -> None:
         self.path, self.topic_names = path, (depth, colour, info)
+        self.depth_scale = depth_scale
 
     def frames(self, stride: int = 1, max_frames: int | None = None) -> Iterator[RecordedFrame]:
-        """Every n-th depth image.
+        """Every n-th depth image, with the colour nearest in time.
 
         Args:
             stride: how many to go on.
             max_frames: images at most; None means all.
 
         Raises:
-            InputError: the bag is damaged, or has no such topics or no known encoding.
+            InputError: the bag is damaged, or has no such topics, no known encoding, intrinsics of
+                another image, or depth in another unit.
             MissingDependencyError: rosbags isn't installed.
         """
         with self._opened() as reader:
@@ -100,22 +88,16 @@ class Bag:
                 connection.topic: _kind(connection.msgtype) for connection in reader.connections
             }
             topics = topics_of(kinds, *self.topic_names)
-            camera, unit = self._constants(reader, topics)
-            colour: NDArray[np.uint8] | None = None
-            number = count = 0
-            for topic, time, message in self._messages(reader, [topics.depth, topics.colour]):
-                if topic == topics.colour:
-                    colour = colour_of(message, topic)
-                    continue
-                number += 1
-                if (number - 1) % stride:
-                    continue
-                depth = depth_of(message, topic, unit)
-                yield _recorded_frame(depth, colour, camera, topics, time * 1e-9)
-                count += 1
-                if count == max_frames:
-                    return
-            if not count:
+            info, unit = self._constants(reader, topics)
+            stop = None if max_frames is None else (max_frames - 1) * stride + 1
+            chosen = slice(0, stop, stride)
+            colours, notes = _colour_numbers(reader, topics, chosen)
+            calibration = None
+            for pair in islice(_pairs(reader, topics, colours), 0, stop, stride):
+                depth = self._metres(pair.depth, topics.depth, unit)
+                calibration = calibration or recorded_calibration(info, topics, *depth.shape)
+                yield _recorded_frame(depth, pair, calibration, topics, notes)
+            if calibration is None:
                 raise InputError(f"{self.path} has no image of topic {topics.depth}")
 
     @contextmanager
@@ -137,165 +119,150 @@ class Bag:
             reason = unreadable(error)
             raise InputError(f"cannot read {self.path}: {reason}; is it a bag?") from error
 
-    def _messages(
-        self, reader: Any, topics: Sequence[str | None]
-    ) -> Iterator[tuple[str, int, Any]]:
-        connections = [
-            connection for connection in reader.connections if connection.topic in topics
-        ]
-        for connection, time, raw in reader.messages(connections=connections):
-            yield connection.topic, time, reader.deserialize(raw, connection.msgtype)
-
-    def _constants(self, reader: Any, topics: Topics) -> tuple[_CameraInfo, float]:
-        """Intrinsics with the lens, and metres per unit of integer depth."""
-        camera, unit = None, None
-        for topic, _, message in self._messages(reader, [topics.info, topics.unit]):
-            if topic == topics.info and camera is None:
-                camera = _camera_info(message, topics)
+    def _constants(self, reader: Any, topics: Topics) -> tuple[Any, float]:
+        """The message with the intrinsics, and metres per unit of integer depth."""
+        info, unit = None, None
+        for topic, _, message in _messages(reader, [topics.info, topics.unit]):
+            if topic == topics.info and info is None:
+                info = message
             elif topic == topics.unit and unit is None:
                 unit = float(message.data)
-            if camera is not None and (unit is not None or topics.unit is None):
+            if info is not None and (unit is not None or topics.unit is None):
                 break
-        if camera is None:
+        if info is None:
             raise InputError(f"{self.path} has no message of topic {topics.info}, the intrinsics")
-        return camera, unit or MILLIMETRES
+        if self.depth_scale is None and unit is not None and not 0 < unit < np.inf:
+            raise InputError(
+                f"{topics.unit} says {unit:g} metres per unit of depth; give run.depth_scale, such "
+                "as 0.001"
+            )
+        return info, MILLIMETRES if unit is None else unit
+
+    def _metres(self, message: Any, topic: str, unit: float) -> NDArray[np.float32]:
+        """Depth (H, W) m of a message, 0 where nothing is measured."""
+        values = depth_of(message, topic)
+        depth = metres(values, self.depth_scale, topic, unit)
+        is_whole = values.dtype.kind in "ui"
+        stored = Stored(self.depth_scale or unit, None) if is_whole else Stored()
+        try:
+            return check_depth(depth, topic, stored)
+        except EmptyImageError:  # whoever writes it leaves it out
+            return np.zeros_like(depth)
 
 
 @dataclass(frozen=True, eq=False)
-class _CameraInfo:
-    matrix: NDArray[np.float64]
-    lens: Lens | None
+class _Pair:
+    """Messages of depth and of its colour, if there is one."""
+
+    seconds: float
+    depth: Any
+    colour: Any
 
 
-def _camera_info(message: Any, topics: Topics) -> _CameraInfo:
-    """Of `sensor_msgs/CameraInfo`: P of rectified images, else K with the distortion D."""
-    fields = {name.lower(): value for name, value in vars(message).items()}  # K in ROS 1, k in 2
-    projection = np.array(fields["p"], np.float64).reshape(3, 4)[:, :3]
-    if "rect" in topics.depth and projection[0, 0] > 0:
-        return _CameraInfo(projection, None)
-    matrix = np.array(fields["k"], np.float64).reshape(3, 3)
-    return _CameraInfo(matrix, lens_of(fields["distortion_model"], fields["d"], topics.info))
+def _pairs(reader: Any, topics: Topics, colours: Iterator[int]) -> Iterator[_Pair]:
+    """All depth images with their colours, of which the numbers are given, -1 = none.
+
+    A depth image waits while its colour comes after it.
+    """
+    waiting: deque[tuple[int, float, Any]] = deque()
+    number, colour = -1, None
+    for topic, seconds, message in _messages(reader, [topics.depth, topics.colour]):
+        if topic == topics.colour:
+            number, colour = number + 1, message
+        else:
+            waiting.append((next(colours), seconds, message))
+        while waiting and waiting[0][0] <= number:
+            match, time, depth = waiting.popleft()
+            yield _Pair(time, depth, None if match < 0 else colour)
+
+
+def _colour_numbers(
+    reader: Any, topics: Topics, chosen: slice
+) -> tuple[Iterator[int], tuple[str, ...]]:
+    """Number of the colour nearest to each depth image, -1 = none is near; notes of the recording.
+
+    Args:
+        reader: of the bag.
+        topics: of both.
+        chosen: the depth images that are read.
+    """
+    if topics.colour is None:
+        return repeat(-1), topics.notes
+    times: dict[str, list[float]] = {topics.depth: [], topics.colour: []}
+    for connection, time, _ in _raw_messages(reader, list(times)):
+        times[connection.topic].append(time * 1e-9)
+    depths, colours = (np.array(times[name]) for name in (topics.depth, topics.colour))
+    if not len(colours):
+        return repeat(-1), (*topics.notes, f"{topics.colour} has no image")
+    max_delay = _max_delay(colours, depths)
+    numbers = nearest_times(depths, colours, max_delay)
+    misses = int((numbers[chosen] < 0).sum())
+    note = (
+        f"no colour for {misses} of {len(numbers[chosen])} depth images: {topics.colour} has none "
+        f"within {max_delay:.3g} s of them"
+    )
+    return iter(numbers.tolist()), (*topics.notes, *([note] if misses else []))
+
+
+def _max_delay(colours: NDArray[np.float64], depths: NDArray[np.float64]) -> float:
+    """Most between a depth image and its colour (s): the median period of colour.
+
+    Half of it is the most in a steady recording; the other half is for images late or lost: of 900
+    images at 30 Hz whose times scatter by 5 ms, half a period leaves 9 % without colour, a whole
+    one none. A single colour has no period: that of depth stands for it.
+    """
+    for times in (colours, depths):
+        if len(times) > 1:
+            return float(np.median(np.diff(times)))
+    return np.inf
+
+
+def _messages(reader: Any, topics: Sequence[str | None]) -> Iterator[tuple[str, float, Any]]:
+    """Topic, seconds and message."""
+    for connection, time, raw in _raw_messages(reader, topics):
+        yield connection.topic, time * 1e-9, reader.deserialize(raw, connection.msgtype)
+
+
+def _raw_messages(reader: Any, topics: Sequence[str | None]) -> Iterator[tuple[Any, int, bytes]]:
+    connections = [connection for connection in reader.connections if connection.topic in topics]
+    yield from reader.messages(connections=connections)
 
 
 def _recorded_frame(
     depth: NDArray[np.float32],
-    colour: NDArray[np.uint8] | None,
-    camera: _CameraInfo,
+    pair: _Pair,
+    calibration: Calibration,
     topics: Topics,
-    seconds: float,
+    notes: tuple[str, ...],
 ) -> RecordedFrame:
-    """A frame of a pinhole camera, with the last colour before it if that is of its size."""
-    notes = list(topics.notes)
-    if colour is not None and colour.shape[:2] != depth.shape:
-        notes.append(
-            f"colour {topics.colour} is left out: it has {colour.shape[1]} x {colour.shape[0]} "
-            f"pixels, depth {depth.shape[1]} x {depth.shape[0]}; record depth aligned to colour"
+    """A frame of a pinhole camera, with its colour if that can be read and is of its size."""
+    colour, colour_notes = _colour(pair.colour, depth, topics)
+    notes += colour_notes
+    if calibration.lens is not None:
+        depth, colour = undistorted(
+            calibration.lens, calibration.matrix, [depth, colour], topics.depth
         )
-        colour = None
-    if camera.lens is not None:
-        images: list[NDArray[Any]] = [depth] if colour is None else [depth, colour]
-        depth, *colour_images = undistorted(camera.lens, camera.matrix, images, topics.depth)
-        colour = colour_images[0] if colour_images else None
-        notes.append(f"images are undistorted by the coefficients D of {topics.info}")
-    return RecordedFrame(depth, camera.matrix, colour, seconds, tuple(notes))
+        notes += (f"images are undistorted by the coefficients D of {topics.info}",)
+    return RecordedFrame(depth, calibration.matrix, colour, pair.seconds, notes)
 
 
-def topics_of(
-    kinds: dict[str, str], depth: str | None, colour: str | None, info: str | None
-) -> Topics:
-    """What to read of a bag.
-
-    Args:
-        kinds: last word of the type of each topic's messages, by topic.
-        depth: the topic of depth, if it is known; likewise the following.
-        colour: of colour.
-        info: of the intrinsics of depth.
-
-    Raises:
-        InputError: there is no such topic, or none that could be meant.
-    """
-    for name in (depth, colour, info):
-        if name is not None and name not in kinds:
-            raise InputError(f"there is no topic {name}; the bag has {_listed(kinds)}")
-    pictures = [name for name, kind in sorted(kinds.items()) if kind in (_IMAGE, _COMPRESSED)]
-    depth = depth or _depth_topic(pictures, kinds)
-    if info is None:
-        places = [topic for topic, kind in kinds.items() if kind == _INFO]
-        neighbours = sorted(places, key=lambda topic: -_shared(topic, depth))
-        if not neighbours or _shared(neighbours[0], depth) < 2:  # "" and one more
-            raise InputError(
-                f"no topic beside {depth} has intrinsics; give run.info=TOPIC of {_listed(kinds)}"
-            )
-        info = neighbours[0]
-    notes: tuple[str, ...] = ()
-    if colour is None:
-        colour, notes = _colour_topic(pictures, kinds, depth)
-    units = [name for name in kinds if name.endswith("/option/Depth_Units/value")]
-    neighbours = [name for name in units if _shared(name, depth) > 2]  # of the same sensor
-    return Topics(depth, info, colour, neighbours[0] if neighbours else None, notes)
-
-
-def _depth_topic(pictures: Sequence[str], kinds: dict[str, str]) -> str:
-    candidates = [
-        name for name in pictures if "depth" in name.lower() and not _has(name, _REGISTERED_COLOUR)
-    ]
-    if not candidates:
-        raise InputError(
-            f"no topic with images is named depth; give run.depth=TOPIC of {_listed(kinds)}"
-        )
-    return min(
-        candidates,
-        key=lambda name: (
-            not _has(name, _REGISTERED_DEPTH),
-            kinds[name] != _IMAGE,
-            "compressedDepth" not in name,
-            len(name),
-        ),
-    )
-
-
-def _colour_topic(
-    pictures: Sequence[str], kinds: dict[str, str], depth: str
-) -> tuple[str | None, tuple[str, ...]]:
+def _colour(
+    message: Any, depth: NDArray[np.float32], topics: Topics
+) -> tuple[NDArray[np.uint8] | None, tuple[str, ...]]:
     """Colour in the pixels of depth, or None and a line that says why it is left out."""
-    colours = [name for name in pictures if _has(name, _COLOUR) and name != depth]
-    moved = [name for name in colours if _has(name, _REGISTERED_COLOUR)]
-    colour_topics = [name for name in colours if "depth" not in name.lower()]
-    candidates = colour_topics if _has(depth, _REGISTERED_DEPTH) else moved
-    if not candidates:
-        if not colour_topics:
-            return None, ()
-        return None, (
-            f"colour {min(colour_topics, key=len)} is left out, as nothing says that it is "
-            f"aligned with {depth}; record depth aligned to colour, or give run.colour=TOPIC if it "
-            "is",
-        )
-    is_raw = "image_raw" in depth and "rect" not in depth
-    return min(
-        candidates,
-        key=lambda name: (("rect" in name) == is_raw, kinds[name] != _IMAGE, len(name)),
-    ), ()
-
-
-def _has(name: str, words: Sequence[str]) -> bool:
-    return any(word in name.lower() for word in words)
+    if message is None:
+        return None, ()
+    try:
+        colour = colour_of(message, str(topics.colour))
+    except InputError as error:
+        return None, (f"colour is left out: {error}",)
+    if colour.shape[:2] == depth.shape:
+        return colour, ()
+    return None, (
+        f"colour {topics.colour} is left out: it has {colour.shape[1]} x {colour.shape[0]} "
+        f"pixels, depth {depth.shape[1]} x {depth.shape[0]}; record depth aligned to colour",
+    )
 
 
 def _kind(name: str) -> str:
     return name.rpartition("/")[2]
-
-
-def _shared(first: str, second: str) -> int:
-    """How many words two topics begin with alike."""
-    count = 0
-    for a, b in zip(first.split("/"), second.split("/"), strict=False):
-        if a != b:
-            break
-        count += 1
-    return count
-
-
-def _listed(kinds: dict[str, str]) -> str:
-    useful = (_IMAGE, _COMPRESSED, _INFO)
-    names = [f"{name} ({kind})" for name, kind in sorted(kinds.items()) if kind in useful]
-    return ", ".join(names) or "no images"

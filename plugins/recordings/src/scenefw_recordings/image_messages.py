@@ -20,9 +20,6 @@ if TYPE_CHECKING:
 CHANNELS = {"rgb8": [0, 1, 2], "bgr8": [2, 1, 0], "rgba8": [0, 1, 2], "bgra8": [2, 1, 0]}
 """Places of red, green and blue in pixels, by encoding."""
 
-MILLIMETRES = 0.001
-"""Metres per unit of whole numbers, if nothing else is said."""
-
 _DEPTH = {"16UC1": np.uint16, "mono16": np.uint16, "32FC1": np.float32}
 _PNG = b"\x89PNG"
 _HEADER = struct.Struct("<iff")
@@ -35,31 +32,29 @@ def is_compressed(message: Any) -> bool:
     return str(message.__msgtype__).endswith("/CompressedImage")
 
 
-def depth_of(message: Any, topic: str, unit: float = MILLIMETRES) -> NDArray[np.float32]:
-    """Depth (H, W) m of a message with an image, raw, or compressed as PNG or RVL; 0 = none.
+def depth_of(message: Any, topic: str) -> NDArray[Any]:
+    """Depth (H, W) of a message with an image, raw, or compressed as PNG or RVL; 0 = none.
+
+    Floats are in metres, whole numbers in the unit of the recording.
 
     Args:
         message: `sensor_msgs/Image` or `CompressedImage`.
         topic: for messages.
-        unit: metres per unit of whole numbers.
 
     Raises:
         InputError: an encoding that isn't depth, or a damaged image.
     """
     if is_compressed(message):
-        return _decompressed(message, topic, unit)
+        return _decompressed(message, topic)
     kind = _DEPTH.get(message.encoding)
     if kind is None:
         raise InputError(
             f"{topic} is encoded as {message.encoding}; expected one of {', '.join(_DEPTH)}"
         )
-    values = _rows(message, np.dtype(kind), 1, topic)[..., 0]
-    if kind is np.float32:
-        return np.where(np.isfinite(values) & (values > 0), values, 0).astype(np.float32)
-    return (values.astype(np.float64) * unit).astype(np.float32)
+    return _rows(message, np.dtype(kind), 1, topic)[..., 0]
 
 
-def _decompressed(message: Any, topic: str, unit: float) -> NDArray[np.float32]:
+def _decompressed(message: Any, topic: str) -> NDArray[Any]:
     """Of a `CompressedImage`, as compressed_depth_image_transport or image_transport write it."""
     encoding, _, method = (part.strip() for part in message.format.partition(";"))
     data = bytes(message.data)
@@ -79,7 +74,7 @@ def _decompressed(message: Any, topic: str, unit: float) -> NDArray[np.float32]:
         return _from_inverse(values, data)
     if values.dtype.itemsize < 2:
         raise InputError(f"{topic} has 8 bits per pixel; give run.depth=TOPIC of depth in 16 bits")
-    return (values.astype(np.float64) * unit).astype(np.float32)
+    return values
 
 
 def _from_inverse(values: NDArray[Any], data: bytes) -> NDArray[np.float32]:

@@ -7,7 +7,7 @@ import json
 import re
 import zipfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -17,11 +17,11 @@ from PIL import Image
 
 from scenefw.core.errors import InputError, SceneFWError
 from scenefw.core.files import DAMAGED, unreadable
-from scenefw.data.files.arrays import mask_of
+from scenefw.data.files.arrays import mask_of, read_mask
 from scenefw.data.files.camera_pose import camera_pose_of
 from scenefw.data.files.pictures import DAMAGED_PICTURE
 from scenefw.tasks.depth_images import DepthImages
-from scenefw_serving.scored_masks import ids_of_masks
+from scenefw_serving.scored_masks import ids_of_masks, pixels_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -38,7 +38,8 @@ FIELDS = {
     "intrinsics": "of .png and .npy: JSON, YAML or text with fx, fy, cx, cy or a matrix K",
     "colour": "a picture aligned with the depth, optional",
     "mask": "a picture with an id of each pixel's object, 0 = none, optional",
-    "masks": "pictures of one object each, optional; several parts, or keys of the .npz",
+    "masks": "pictures of one object each, 0 = outside, one value inside, optional; several parts, "
+    "or keys of the .npz",
     "camera_pose": "of the camera in a robot's base: JSON, YAML or text with a 4 x 4 matrix, or "
     "x y z qx qy qz qw; answers are then in the base; optional",
     "scores": "a JSON list, a number of each of the masks; the highest has the pixel",
@@ -75,6 +76,11 @@ class Part:
                 return suffix
         suffix = Path(self.filename).suffix.lower()
         return suffix if suffix in _TEXTS else ".json"
+
+    def stem(self, default: str) -> str:
+        """Of the client's name if that is plain."""
+        stem = Path(self.filename).stem
+        return stem if _PLAIN_NAME.fullmatch(stem) else default
 
 
 _TEXTS = (".json", ".yaml", ".yml", ".txt", ".intr")
@@ -127,13 +133,11 @@ class Upload:
 
     def _read(self, folder: Path, limits: Limits) -> tuple[Frame, Any, Any]:
         depth = self.parts["depth"][0]
-        stem = Path(depth.filename).stem
-        stem = stem if _PLAIN_NAME.fullmatch(stem) else "image"
         if depth.suffix not in (".npz", ".npy", ".png"):
             raise InputError(f"depth is no .npz, .npy or .png; give {FIELDS['depth']}")
         if depth.suffix != ".npz" and "intrinsics" not in self.parts:
             raise InputError(f"no intrinsics; give intrinsics, {FIELDS['intrinsics']}")
-        image = folder / f"{stem}{depth.suffix}"
+        image = folder / f"{depth.stem('image')}{depth.suffix}"
         _write(image, depth, limits)
         beside = folder / "beside"
         beside.mkdir()
@@ -144,7 +148,7 @@ class Upload:
                 _write(beside / f"{field_name}{part.suffix}", part, limits)
         for part in self.parts.get("colour", ()):
             _write(image.with_suffix(f".rgb{part.suffix}"), part, limits)
-        ids = self._ids(image, limits)
+        ids, losses = self._ids(image, limits)
         if ids is not None:
             paths["mask"] = beside / "masks.png"
             Image.fromarray(ids.astype(np.uint16)).save(beside / "masks.png")
@@ -153,20 +157,23 @@ class Upload:
         _require_pixels(frame.depth.shape[::-1], image.name, limits)
         if "colour" in self.parts and frame.colour is None:
             raise InputError("; ".join(frame.notes) or f"colour of {image.name} can't be read")
+        if ids is not None and mask.dtype == np.bool_:  # a single object keeps its id, too
+            mask = mask * ids.max()
+        frame = replace(frame, notes=(*frame.notes, *losses))
         return frame, mask, camera_pose_of(paths["camera_pose"])
 
-    def _ids(self, image: Path, limits: Limits) -> NDArray[np.int32] | None:
-        """Ids of masks, from parts or from arrays of the .npz; None if there are none."""
+    def _ids(self, image: Path, limits: Limits) -> tuple[NDArray[np.int32] | None, tuple[str, ...]]:
+        """Ids of masks, from parts or from arrays of the .npz, None if there are none; notes."""
         masks, scores = self._masks(image, limits)
         if masks is None:
             if scores is not None:
                 raise InputError("there are scores and no masks; give masks, one of each score")
-            return None
+            return None, ()
         if len(masks) > limits.masks:
             raise LimitError(f"{len(masks)} masks in one request; give at most {limits.masks}")
-        ids = ids_of_masks(masks, scores)
+        ids, losses = ids_of_masks(masks, scores)
         mask_of(ids, ids.shape, image.name)
-        return ids
+        return ids, losses
 
     def _require_single(self, keys: Sequence[str], name: str) -> None:
         for field_name, key in {"colour": "rgb", "masks": "masks", "scores": "scores"}.items():
@@ -188,7 +195,10 @@ class Upload:
                 reason = unreadable(error, "is the file complete?")
                 raise InputError(f"cannot read {image}: {reason}") from error
         if "masks" in self.parts:
-            masks = _stack([_picture(part, limits) for part in self.parts["masks"]])
+            folder = image.parent / "masks"
+            folder.mkdir()
+            parts = enumerate(self.parts["masks"], start=1)
+            masks = _stack([_picture(part, folder, str(n), limits) for n, part in parts])
         if "scores" in self.parts:
             scores = _numbers(self.parts["scores"][0])
         return masks, scores
@@ -234,18 +244,21 @@ def _require_pixels(size: tuple[int, ...], name: str, limits: Limits) -> None:
         )
 
 
-def _picture(part: Part, limits: Limits) -> NDArray[np.bool_]:
-    name = part.filename or "a mask"
-    _require_picture(part.data, name, limits)
+def _picture(part: Part, folder: Path, default: str, limits: Limits) -> NDArray[np.bool_]:
+    """The pixels (H, W) of a mask of one object, which may be empty."""
+    path = folder / f"{part.stem(default)}{part.suffix}"
+    _require_picture(part.data, path.name, limits)
     try:
         with Image.open(io.BytesIO(part.data)) as picture:
-            values = np.array(picture)
+            shape = picture.size[::-1]
+            is_empty = picture.getextrema() == (0, 0) and getattr(picture, "n_frames", 1) == 1
     except DAMAGED_PICTURE as error:
         reason = unreadable(error, "give a PNG")
-        raise InputError(f"cannot read mask {name}: {reason}") from error
-    if values.ndim != 2:
-        raise InputError(f"mask {name} has {values.ndim} axes; give one channel, 0 = outside")
-    return values > 0
+        raise InputError(f"cannot read mask {path.name}: {reason}") from error
+    if is_empty:
+        return np.zeros(shape, dtype=np.bool_)
+    path.write_bytes(part.data)
+    return pixels_of(read_mask(path, shape), f"mask {path.name}")
 
 
 def _stack(masks: Sequence[NDArray[np.bool_]]) -> NDArray[np.bool_]:
