@@ -9,7 +9,7 @@ from scipy import ndimage
 from skimage.morphology import convex_hull_image
 
 from scenefw.perception.observation.components import EDGE, depth_parts
-from scenefw.perception.observation.points import MINORITY
+from scenefw.perception.observation.points import MAJORITY, MINORITY
 from scenefw.perception.observation.raster import GAP, FloorRaster
 
 if TYPE_CHECKING:
@@ -29,7 +29,8 @@ def standing_pixels(
 
     The floor that is seen hides beneath things and goes on behind them. So a thing stands whose
     lowest points lie beside the floor or beside another one that stands; what is seen of the floor
-    beside it belongs to it then, too. So do things over the hull of all these.
+    beside it belongs to it then, too. So do things over the hull of all these. What goes on below
+    the floor stands on something lower.
 
     Args:
         depth: (H, W) metres.
@@ -51,6 +52,11 @@ def standing_pixels(
         return np.zeros(raised.shape, dtype=bool)
     footprint = _cells_of_components(components, points, raised)
     is_low = raised & (height < EDGE)  # where it may touch its floor
+    lower = _cells_of_components(components, points, is_low)
+    is_below = _RASTER.count(points[(height < -min_height) & (height > -EDGE)]).ravel() > 0
+    reaching = np.bincount(lower[0], is_below[lower[1]], minlength=len(large))
+    is_deeper = reaching > MAJORITY * np.bincount(lower[0], minlength=len(large))
+    large &= ~is_deeper
     is_hidden = np.bincount(components.ravel(), is_low.ravel()) == 0  # its low part, by another
     base = _cells_of_components(components, points, is_low | (raised & is_hidden[components]))
     stands = np.zeros(len(large), dtype=bool)
@@ -67,6 +73,7 @@ def standing_pixels(
     inside = np.bincount(footprint[0], hull.ravel()[footprint[1]], minlength=len(large))
     cells = np.bincount(footprint[0], minlength=len(large))
     stands |= inside > (1 - MINORITY) * cells
+    stands &= ~is_deeper
     stands[0] = False
     mask: Mask = stands[components]
     return mask

@@ -13,10 +13,10 @@ MIN_HEIGHT = 0.015
 TABLE = Box((-0.4, -0.4, -0.03), (0.4, 0.4, 0.0))
 
 
-def standing(boxes, table=TABLE, eye=(0.0, -1.0, 0.8), size=(320, 240)):
+def standing(boxes, table=TABLE, eye=(0.0, -1.0, 0.8), size=(320, 240), room=-0.7):
     """Share of each box's pixels above the floor that stand."""
     camera = camera_at(eye=eye, size=size)
-    frame = frame_of(camera, boxes, table=table, room=-0.7)
+    frame = frame_of(camera, boxes, table=table, room=room)
     points = world_points(replace(frame, camera=camera))
     raised = points[..., 2] > MIN_HEIGHT
     mask = standing_pixels(frame.depth, points, raised, MIN_HEIGHT, 60 * (size[0] / 640) ** 2)
@@ -52,3 +52,13 @@ def test_without_a_floor_nothing_stands():
     points = world_points(replace(frame, camera=camera_at())) + (0, 0, 0.1)
     raised = np.ones(frame.depth.shape, dtype=bool)
     assert not standing_pixels(frame.depth, points, raised, MIN_HEIGHT, 60).any()
+
+
+@pytest.mark.parametrize("size", [(320, 240), (640, 480)])
+@pytest.mark.parametrize("gap", [0.0, 0.05])
+def test_what_stands_on_a_lower_table_beside_does_not_stand_on_this_one(size, gap):
+    on_table = Box((0.2, -0.1, 0.0), (0.35, 0.1, 0.1))
+    beside = Box((0.4 + gap, -0.2, -0.12), (0.55 + gap, 0.1, 0.06))
+    shares = standing((on_table, beside), size=size, room=-0.12, eye=(0.9, -0.8, 0.6))
+    assert shares[0] > 0.95
+    assert shares[1] < 0.05
