@@ -115,8 +115,12 @@ def _is_beside(path: Path, uri: str) -> bool:
 
 def _require_vertices(path: Path, scene: Any) -> None:
     """That faces are of vertices that there are."""
+    from trimesh import Trimesh
+
     for part in scene.geometry.values():
-        faces, count = np.asarray(getattr(part, "faces", ())), len(part.vertices)
+        if not isinstance(part, Trimesh):  # points alone
+            continue
+        faces, count = np.asarray(part.faces), len(part.vertices)
         if faces.size and not 0 <= faces.min() <= faces.max() < count:
             raise InputError(
                 f"{path} has faces of vertices {faces.min()} to {faces.max()}, but {count} "

@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from PIL import Image
+from PIL import Image, ImageSequence
 
 from scenefw.core.errors import InputError, SceneFWError
 from scenefw.core.files import DAMAGED, unreadable
@@ -251,11 +251,11 @@ def _picture(part: Part, folder: Path, default: str, limits: Limits) -> NDArray[
     try:
         with Image.open(io.BytesIO(part.data)) as picture:
             shape = picture.size[::-1]
-            is_empty = picture.getextrema() == (0, 0) and getattr(picture, "n_frames", 1) == 1
+            extremes = [frame.getextrema() for frame in ImageSequence.Iterator(picture)]
     except DAMAGED_PICTURE as error:
         reason = unreadable(error, "give a PNG")
         raise InputError(f"cannot read mask {path.name}: {reason}") from error
-    if is_empty:
+    if extremes == [(0, 0)]:
         return np.zeros(shape, dtype=np.bool_)
     path.write_bytes(part.data)
     return pixels_of(read_mask(path, shape), f"mask {path.name}")
