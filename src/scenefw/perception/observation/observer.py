@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
+from scenefw.core.errors import InputError
 from scenefw.kernels.cameras import camera_of, stack_cameras
 from scenefw.kernels.compile import compile_ahead
 from scenefw.perception.observation.image_turns import quarter_turns, turned_pixels
@@ -57,7 +58,12 @@ class Observer:
         floor, floor_warnings = self.doctor.examine_floor(frame, self.floor)
         warnings += floor_warnings
         region = None if mask is None else mask > 0
-        workspace = self.workspace.find(frame, floor, grid, region)
+        try:
+            workspace = self.workspace.find(frame, floor, grid, region)
+        except InputError as error:
+            if not warnings:
+                raise
+            raise InputError(f"{error} ({'; '.join(warnings)})") from error
         warnings += self.doctor.examine_workspace(floor, workspace)
         turns = quarter_turns(floor)
         workspace = workspace.turned(turns)

@@ -83,3 +83,13 @@ def test_an_unusable_image_is_refused():
     frame = frame_of(camera_at())
     with pytest.raises(InputError, match="millimetres given as metres"):
         OBSERVER.observe(replace(frame, depth=1000 * frame.depth), GRID)
+
+
+def test_what_is_odd_about_an_image_explains_why_it_is_refused():
+    frame = frame_of(camera_at())
+    odd = replace(frame, camera=replace(frame.camera, fy=0.9 * frame.camera.fy))
+    grid = GridSpec(resolution=32, extent=0.12, lower=(-0.06, -0.06, -0.02))
+    with pytest.raises(InputError, match=r"the cube holds [^()]*$"):
+        OBSERVER.observe(frame, grid)
+    with pytest.raises(InputError, match=r"the cube holds .* \(fx = .* differ; check the intrins"):
+        OBSERVER.observe(odd, grid)
