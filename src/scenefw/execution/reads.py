@@ -6,7 +6,9 @@ import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from scenefw import listing, registry
 from scenefw.argument_types import as_written
+from scenefw.config import conf_dir
 from scenefw.core.errors import ConfigError
 from scenefw.execution.build import LATER
 
@@ -100,9 +102,19 @@ def _complaint(
     task = str(OmegaConf.select(config, "run._target_")).rpartition(".")[2]
     line = f"{override.input_line} changes nothing: this run ({task}) does not read {place}"
     if not suggestions:
+        verbs = _verbs_that_read(place)
+        if verbs:
+            return f"{line}; leave it out, or choose run={' or '.join(verbs)}"
         return f"{line}; leave it out, or choose a run or option that reads it"
     value = override.get_value_element_as_str()
     return f"{line}; did you mean {' or '.join(f'{key}={value}' for key in suggestions)}?"
+
+
+def _verbs_that_read(place: str) -> list[str]:
+    """Options of `run`, without those of plugins, that name a setting themselves."""
+    reference, core = f"${{{place}}}", conf_dir()
+    return [name for name, path in sorted(registry.options("run").items())
+            if path.is_relative_to(core) and reference in str(listing.composed(path))]  # fmt: skip
 
 
 def _similar(place: str, read_keys: Collection[str]) -> list[str]:

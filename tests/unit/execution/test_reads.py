@@ -61,6 +61,7 @@ def test_what_is_read_may_be_given(override):
     [
         ("size.minutes=2", r"size.minutes=2 changes nothing: this run \(Evaluate\) does not read"),
         ("renderer=caster", "does not read renderer; leave it out, or choose a run or option that"),
+        ("input=a.npz", "does not read input; leave it out, or choose run=label or predict$"),
         ("renderer.contrast=1", "did you mean dataset.renderer.contrast=1?"),
     ],
 )
