@@ -102,10 +102,9 @@ def _complaint(
     task = str(OmegaConf.select(config, "run._target_")).rpartition(".")[2]
     line = f"{override.input_line} changes nothing: this run ({task}) does not read {place}"
     if not suggestions:
-        verbs = _verbs_that_read(place)
-        if verbs:
-            return f"{line}; leave it out, or choose run={' or '.join(verbs)}"
-        return f"{line}; leave it out, or choose a run or option that reads it"
+        runs = " or ".join(_verbs_that_read(place))
+        choice = f"run={runs}" if runs else "a run"
+        return f"{line}; leave it out, or choose {choice} or an option that reads it"
     value = override.get_value_element_as_str()
     return f"{line}; did you mean {' or '.join(f'{key}={value}' for key in suggestions)}?"
 

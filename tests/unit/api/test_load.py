@@ -110,7 +110,7 @@ def load(*words, **settings):
             ["reconstruction"],
             {"checkpoint": "my.safetensors"},
             ConfigError,
-            "or option that reads it",
+            "or an option that reads it",
         ),
         (["labelling"], {"labelling": ["rule", "hybrid"]}, ConfigError, "takes one strategy"),
     ],
