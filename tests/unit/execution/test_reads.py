@@ -60,8 +60,8 @@ def test_what_is_read_may_be_given(override):
     ("override", "words"),
     [
         ("size.minutes=2", r"size.minutes=2 changes nothing: this run \(Evaluate\) does not read"),
-        ("renderer=caster", "does not read renderer; leave it out, or choose a run or an option that"),
-        ("input=a.npz", "does not read input; leave it out, or choose run=label or predict or an option"),
+        ("renderer=caster", "read renderer; leave it out, or choose a run or an option that"),
+        ("input=a.npz", "leave it out, or choose run=label or predict or an option"),
         ("renderer.contrast=1", "did you mean dataset.renderer.contrast=1?"),
     ],
 )
