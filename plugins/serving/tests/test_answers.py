@@ -78,9 +78,9 @@ def test_another_hypothesis_can_be_asked_for(client):
 
 
 def test_doctor_and_settle_answer(client):
-    told = client.post("/doctor", content=npz()).json()
-    assert told["usable"]
-    assert {"unit", "floor", "tilt"} <= {check["name"] for check in told["checks"]}
+    report = client.post("/doctor", content=npz()).json()
+    assert report["usable"]
+    assert {"unit", "floor", "tilt"} <= {check["name"] for check in report["checks"]}
     odd = client.post("/doctor", content=npz(depth=1000 * FRAME.depth))
     assert odd.status_code in (200, 422)
     assert "settled" in client.post("/settle", content=npz()).json()
@@ -127,8 +127,8 @@ def test_masks_that_vanish_are_told_and_the_others_keep_their_ids(client):
     mask = (FRAME.labels == 2).astype(np.uint8) * 255
     parts = [("masks", (f"{n}.png", png(part))) for n, part in enumerate((0 * mask, mask, mask))]
     scene = client.post("/reconstruct", files=[("depth", ("a.npz", npz())), *parts]).json()
-    told = [line for line in scene["warnings"] if "of the masks is left out" in line]
-    assert [line.split(" of ")[0] for line in told] == ["object 1", "object 2"]
+    lines = [line for line in scene["warnings"] if "of the masks is left out" in line]
+    assert [line.split(" of ")[0] for line in lines] == ["object 1", "object 2"]
     parts = {"depth": [Part(npz())], "masks": [Part(data) for _, (_, data) in parts]}
     _, ids, _ = Upload(parts).read(Limits())
     np.testing.assert_array_equal(ids, np.where(mask, 3, 0))
@@ -136,9 +136,9 @@ def test_masks_that_vanish_are_told_and_the_others_keep_their_ids(client):
 
 
 def test_openapi_and_the_page_tell_all_routes(client):
-    told = client.get("/openapi.json").json()
+    schema = client.get("/openapi.json").json()
     paths = {"/reconstruct", "/settle", "/doctor", "/next_view", "/slow", "/health"}
-    assert paths == set(told["paths"])
+    assert paths == set(schema["paths"])
     page = client.get("/").text
     assert "POST /reconstruct" in page
     assert "http" not in page.replace("<!doctype html>", "")  # nothing is fetched from elsewhere

@@ -70,7 +70,7 @@ class DepthImages:
         """
         return find_images(self.path)
 
-    def poses(self, convention: str = OPENCV) -> dict[Path, NDArray[np.float64] | None]:
+    def poses(self, convention: str = OPENCV) -> dict[Path, NDArray[np.float64]]:
         """4x4 pose of the camera of each image, as the files of a recording say; empty without.
 
         What they leave open is printed.

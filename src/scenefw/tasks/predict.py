@@ -100,8 +100,13 @@ class Predict:
         self.exports = dict(exports or {})
         self.camera_pose = camera_pose_of(camera_pose, "run.camera_pose")
         self.tracker = _maker(tracking)(pipeline, hypotheses=hypotheses) if track else None
+        if poses != OPENCV and (not track or camera_pose is not None):
+            raise ConfigError(
+                f"run.poses={poses} is the convention of a recording's poses, which only "
+                "run.track=true reads, and not beside run.camera_pose; leave it out"
+            )
         self.convention = poses
-        self._poses: Mapping[Path, Float64 | None] = {}
+        self._poses: Mapping[Path, Float64] = {}
 
     def run(self) -> dict[str, float]:
         """Predicts all images; returns how many, how many failed, objects and seconds per image.

@@ -248,3 +248,9 @@ def test_command_line(tmp_path, scenefw):
     (line,) = done.stderr.splitlines()
     assert line.startswith("error: depth of bad.npz has a median of 0.8 mm")
     assert not (tmp_path / "out" / "bad").exists()
+
+
+def test_a_convention_of_poses_that_nobody_reads_is_refused(tmp_path, pipeline):
+    image = save(tmp_path / "view.npz")
+    with pytest.raises(ConfigError, match=r"only run\.track=true reads"):
+        Predict(image, pipeline, poses="opengl")

@@ -147,9 +147,9 @@ def _info_topic(kinds: Mapping[str, str], depth: str, colour: str | None) -> str
 
 def _sensor(name: str, depth: str) -> str | None:
     """Whose pixels a topic tells of: colour's, those of depth, or None, by what depth lacks."""
-    rest = "/".join(name.split("/")[_shared(name, depth) :])
-    is_depth = "depth" in rest.lower()
-    if _has(rest, _REGISTERED_DEPTH) or (_has(rest, _COLOUR) and not is_depth):
+    suffix = "/".join(name.split("/")[_shared(name, depth) :])
+    is_depth = "depth" in suffix.lower()
+    if _has(suffix, _REGISTERED_DEPTH) or (_has(suffix, _COLOUR) and not is_depth):
         return "colour"
     return "depth" if is_depth else None
 
@@ -179,9 +179,9 @@ def _require_one_camera(names: Sequence[str], setting: str) -> None:
 def _first(names: Sequence[str], rank: Callable[[str], Any], setting: str) -> str:
     """The name of the lowest rank; raises an InputError if several have it."""
     lowest = min(map(rank, names))
-    first, *others = [name for name in names if rank(name) == lowest]
-    if others:
-        raise InputError(f"{', '.join([first, *others])} fit alike; give {setting}=TOPIC")
+    first, *rivals = [name for name in names if rank(name) == lowest]
+    if rivals:
+        raise InputError(f"{', '.join([first, *rivals])} fit alike; give {setting}=TOPIC")
     return first
 
 

@@ -163,9 +163,9 @@ def _array(
 def _numbers(value: NDArray[Any], name: str, largest: float, path: Path) -> NDArray[Any]:
     """Values in memory, all of which may be in such a field."""
     kind, least, _ = _FIELDS[name]
-    whole = not issubclass(kind, np.floating)
-    if value.dtype.kind not in ("bui" if whole else "buif"):
-        numbers = "whole numbers" if whole else "numbers"
+    is_whole = not issubclass(kind, np.floating)
+    if value.dtype.kind not in ("bui" if is_whole else "buif"):
+        numbers = "whole numbers" if is_whole else "numbers"
         raise InputError(
             f"map {path} has {name} of {value.dtype}, expected {numbers}; save the map again"
         )

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from scenefw.core.errors import InputError
 from scenefw.core.types import Camera
-from scenefw.data.files.lens import Lens, is_fisheye, lens_of
+from scenefw.data.files.lens import Lens, is_fisheye, lens_name, lens_of
 from scenefw.data.files.structured import read_structured, read_text
 
 _MATRIX_KEYS = (
@@ -45,7 +45,7 @@ _LENS_KEYS = (
     "distortion_coefficients", "distortion_coeffs", "dist_coeffs", "distCoeffs", "distortion",
     "distCoef", "dist_coef", "dist", "coeffs", "D", "d",
 )  # fmt: skip
-_LENS_MODEL_KEYS = ("distortion_model", "camera_model", "model")
+_LENS_MODEL_KEY, _CAMERA_NAME_KEYS = "distortion_model", ("camera_model", "model")
 _LENS_WORD = re.compile(r"distort|dist_?coe|radial|tangential", re.IGNORECASE)
 _FISHEYE_NUMBERS = ("k1", "k2", "k3", "k4")
 _LENS_NUMBERS = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
@@ -304,7 +304,8 @@ def _lens(content: Mapping[str, Any], name: str) -> Lens | None:
     Raises:
         InputError: it is told in a way that isn't read.
     """
-    model = next((content[key] for key in _LENS_MODEL_KEYS if key in content), None)
+    names = [content.get(key) for key in _CAMERA_NAME_KEYS]
+    model = lens_name(content.get(_LENS_MODEL_KEY), names)
     key = next((key for key in _LENS_KEYS if content.get(key) is not None), None)
     if key is None:
         _require_no_other_lens(content, name)
@@ -333,7 +334,7 @@ def _named_lens(model: Any, content: Mapping[str, Any], name: str) -> Lens | Non
 def _require_no_other_lens(content: Mapping[str, Any], name: str) -> None:
     """Raises an InputError if a key that isn't read tells that the lens distorts."""
     for key, value in content.items():
-        if key in _LENS_MODEL_KEYS or not _LENS_WORD.search(str(key)):
+        if key == _LENS_MODEL_KEY or not _LENS_WORD.search(str(key)):
             continue
         try:
             is_nothing = not np.any(np.asarray(value, np.float64))

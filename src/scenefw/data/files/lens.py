@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,6 +19,7 @@ _FISHEYE_WORDS = ("fisheye", "equidistant", "kannala")
 _BROWN_WORDS = (
     "plumb", "rational", "brown", "radtan", "radial", "opencv", "pinhole", "perspective",
 )  # fmt: skip
+_OTHER_MODEL = re.compile(r"\b(fov|omni\w*|mei|ds|sphere|e?ucm|f ?theta|division|inverse)\b")
 _MAX_BROWN = 8  # k1 k2 p1 p2 k3 k4 k5 k6; thin prisms and tilted sensors come after these
 _MIN_REMAINING = 0.6
 """Share of the measurements that an image keeps: Azure's and Kinect's lenses leave above 0.9, a
@@ -68,6 +70,25 @@ def is_fisheye(model: Any) -> bool:
     return any(word in str(model or "").lower() for word in _FISHEYE_WORDS)
 
 
+def lens_name(model: Any, names: Iterable[Any]) -> Any:
+    """What decides of the lens: the model of its distortion, unless a name of the camera does.
+
+    Args:
+        model: of the distortion, None where it isn't said.
+        names: of the camera; that of a product tells no lens.
+    """
+    for name in names:
+        if is_fisheye(name) or _is_other(name):
+            return name
+    return model
+
+
+def _is_other(model: Any) -> bool:
+    """Whether a name is that of a model that isn't read."""
+    words = re.sub("[-_]", " ", str(model or "").lower())
+    return _OTHER_MODEL.search(words) is not None
+
+
 def lens_of(model: Any, coefficients: Any, name: str) -> Lens | None:
     """The lens that a file tells; None if it doesn't distort.
 
@@ -91,7 +112,7 @@ def lens_of(model: Any, coefficients: Any, name: str) -> Lens | None:
     if is_fisheye(model):
         return Lens(FISHEYE, tuple(np.resize(np.append(values, np.zeros(4)), 4).tolist()))
     is_brown = not words or any(word in words for word in _BROWN_WORDS)
-    if not is_brown or "inverse" in words or values[_MAX_BROWN:].any():
+    if not is_brown or _is_other(model) or values[_MAX_BROWN:].any():
         raise InputError(
             f"the lens of {name} is of an unknown model ({model or values.size}); undistort "
             "the images with your camera's software, and give coefficients of 0"

@@ -78,13 +78,13 @@ def container_pixels(
         if sizes[label] < min_pixels:
             continue
         pixels, places = components[box] == label, points[box][..., :2]
-        others = raised[box] & ~pixels
+        neighbours = raised[box] & ~pixels
         coarse_box = tuple(slice(-(-s.start // stride), -(-s.stop // stride)) for s in box)
         surface = components[::stride, ::stride][coarse_box] == label
         surface_points = points[::stride, ::stride][coarse_box]
         sides = _open_sides(surface_points, normals[coarse_box], surface, eye, wall_distance)
         if not sides:
-            if _is_ring(points[box][pixels], points[box][others], min_pixels):
+            if _is_ring(points[box][pixels], points[box][neighbours], min_pixels):
                 mask[box] |= pixels
             continue
         inner = np.min([side.depth(places) for side in sides], axis=0)
@@ -94,7 +94,7 @@ def container_pixels(
         are_contents = (far_areas > MAJORITY * areas) & (areas >= min_pixels)  # no crumbs of walls
         are_contents[0] = False
         contents = are_contents[pieces]
-        is_full = contents.any() or (others & (inner > wall_distance)).sum() >= min_pixels
+        is_full = contents.any() or (neighbours & (inner > wall_distance)).sum() >= min_pixels
         if is_full or np.ptp(places[pixels], axis=0).max() > max_size:
             mask[box] |= pixels & ~contents
     return mask
@@ -151,16 +151,16 @@ def _is_rectangle(places: Float64) -> bool:
     return bool(area > _MIN_RECTANGULARITY * np.prod(oriented_bounds_2D(places[hull.vertices])[1]))
 
 
-def _is_ring(points: Float64, others: Float64, min_pixels: float) -> bool:
-    """Whether points (N, 3) are a ring, from above, and enough others (M, 3) are in its hole."""
+def _is_ring(points: Float64, neighbours: Float64, min_pixels: float) -> bool:
+    """Whether points (N, 3) are a ring, from above, with enough neighbours (M, 3) in its hole."""
     places = points[:, :2]
-    inside = ((others[:, :2] > places.min(axis=0)) & (others[:, :2] < places.max(axis=0))).all(
-        axis=1
-    )
+    inside = (
+        (neighbours[:, :2] > places.min(axis=0)) & (neighbours[:, :2] < places.max(axis=0))
+    ).all(axis=1)
     if inside.sum() < min_pixels:
         return False
     footprint = ndimage.binary_closing(_RASTER.count(points) > 0, iterations=GAP)
     filled = ndimage.binary_fill_holes(footprint)
     hole = filled & ~footprint
     is_wide = hole.sum() > MAJORITY * filled.sum()
-    return bool(is_wide and _RASTER.look_up(hole, others[inside]).sum() >= min_pixels)
+    return bool(is_wide and _RASTER.look_up(hole, neighbours[inside]).sum() >= min_pixels)

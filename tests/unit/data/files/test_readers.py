@@ -332,6 +332,8 @@ FOUR = {"fx": 60.0, "fy": 61.0, "cx": 19.5, "cy": 14.5}
         {"dist": SENSOR},
         {"distortion": "0.08 -0.05, 0.001 -0.001 0.02"},
         {"distortion_model": "plumb_bob", "D": SENSOR},
+        {"model": "Intel RealSense D435", "coeffs": SENSOR},
+        {"camera_model": "pinhole", "distortion_model": "radtan", "D": SENSOR},
         {"model": "OPENCV", "k1": 0.08, "k2": -0.05, "k3": 0.02, "p1": 0.001, "p2": -0.001},
     ],
 )  # fmt: skip
@@ -352,6 +354,12 @@ def test_coefficients_without_the_first_make_a_lens(tmp_path):
             ({"distortion_model": model, "D": SENSOR}, f"unknown model .{model}")
             for model in ("fov", "omni", "double_sphere", "eucm", "ftheta", "division")
         ),
+        (
+            {"camera_model": "omni", "distortion_model": "radtan", "D": SENSOR},
+            "unknown model .omni",
+        ),
+        ({"camera_model": "ds", "D": SENSOR}, "unknown model .ds"),
+        ({"model": "distortion.inverse_brown_conrady", "coeffs": SENSOR}, "unknown model"),
         ({"radial_distortion": [0.1, -0.2]}, "radial_distortion of .* isn't read"),
         ({"distortion": {"radial": [0.1, -0.2]}}, "distortion: radial of .* isn't read"),
         ({"distortion": "strong"}, "holds no numbers"),
