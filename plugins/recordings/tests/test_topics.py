@@ -34,9 +34,9 @@ def test_topics_beside_each_other_are_taken():
         "/left/depth/image": "Image", "/left/depth/camera_info": "CameraInfo",
         "/left/color/image": "Image", "/left/color/camera_info": "CameraInfo",
     }  # fmt: skip
-    found = topics_of(kinds, None, None, None)
-    assert (found.depth, found.info) == ("/left/depth/image", "/left/depth/camera_info")
-    assert found.colour is None  # nothing says that it is aligned
+    topics = topics_of(kinds, None, None, None)
+    assert (topics.depth, topics.info) == ("/left/depth/image", "/left/depth/camera_info")
+    assert topics.colour is None  # nothing says that it is aligned
     assert topics_of(kinds, None, "/left/color/image", None).colour == "/left/color/image"
 
 
