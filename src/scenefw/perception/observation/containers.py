@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     Mask = NDArray[np.bool_]
 
 _RASTER = FloorRaster()
-_MIN_RECTANGULARITY = (1 + np.pi / 4) / 2  # of areas: halfway from a circle to a rectangle
+_MIN_RECTANGULARITY = (4 + np.pi) / 8  # of areas: halfway from a circle to a rectangle
 
 
 @dataclass(frozen=True, eq=False)
