@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 _LEAST = 1e-3  # pixels of disparity
 _AROUND = (2, 4, 6)  # pixels to neighbours that say how much of a window matches
-_TEXTURES = 2  # a random stream of its own
 _DEVIATION = 0.855  # of unit normals after bicubic interpolation, over all places
 
 
@@ -34,8 +33,8 @@ class Stereo:
     the surface is in one piece; then smooth Gaussian fields of several wavelengths are added. In
     depth they grow with its square. Near ends of a surface less of a window matches, so errors are
     larger there; and what the right one of the two cameras doesn't see has no depth. In part of
-    the images windows reach across edges: depth leads in a ramp from an object to what is behind,
-    in a long one where nothing has texture. How much of all this an image has is drawn for each.
+    the images windows reach across edges: depth leads in a ramp from an object to what is behind.
+    How much of all this an image has is drawn for each.
 
     Args:
         baseline: between both cameras (m).
@@ -48,8 +47,6 @@ class Stereo:
         ramps: share of the disturbed images with windows that reach across edges.
         ramp: pixels to each side that are averaged in these, at most.
         across: pixels of disparity of the highest edges that they reach across, at most.
-        untextured: share of such an image without texture, at most.
-        reach: pixels to each side that are averaged there, across all edges.
         share: share of the images that are disturbed; the others pass as they are.
 
     Raises:
@@ -68,18 +65,15 @@ class Stereo:
         ramps: float = 0.0,
         ramp: int = 6,
         across: float = 3.0,
-        untextured: float = 0.0,
-        reach: int = 0,
         share: float = 1.0,
     ) -> None:
         POSITIVE.require(baseline=baseline, jump=jump, across=across, wavelengths=wavelengths)
-        NOT_NEGATIVE.require(waves=waves, window=window, ramp=ramp, edges=edges, reach=reach)
-        SHARE.require(shadows=shadows, ramps=ramps, untextured=untextured, share=share)
+        NOT_NEGATIVE.require(waves=waves, window=window, ramp=ramp, edges=edges)
+        SHARE.require(shadows=shadows, ramps=ramps, share=share)
         self.baseline, self.waves, self.wavelengths = baseline, waves, tuple(wavelengths)
         self.window, self.jump = window, jump
         self.edges, self.shadows, self.share = edges, shadows, share
         self.ramps, self.ramp, self.across = ramps, ramp, across
-        self.untextured, self.reach = untextured, reach
 
     def apply(self, depth: Tensor, cameras: CameraBatch, seeds: Tensor) -> Tensor:
         """Noisy copy of z-depth (B, H, W) in metres; 0 stays 0, the rest is positive or lost."""
@@ -96,10 +90,8 @@ class Stereo:
         disparity = torch.where(valid, scale / subset.clamp_min(1e-6), 0.0)
         shadowed = torch.from_numpy(chances[rows, 3] < self.shadows).to(depth.device)
         valid = valid & ~(shadowed[:, None, None] & unseen_from_the_right(disparity))
-        size = (depth.shape[1], depth.shape[2])
-        maps = self._windows(chances[rows], seeds.cpu().numpy()[rows], size)
-        windows = [tensor.to(depth.device) for tensor in maps]
-        field = self._field(Streams(streams.keys[rows]), size)
+        windows = [tensor.to(depth.device) for tensor in self._windows(chances[rows])]
+        field = self._field(Streams(streams.keys[rows]), depth.shape[1], depth.shape[2])
         field = field.to(depth.device) * self._growth(disparity, valid)
         disparity = self._smoothed(disparity, valid, *windows)
         amounts = torch.from_numpy((self.waves * chances[rows, 2]).astype(np.float32))
@@ -107,30 +99,14 @@ class Stereo:
         noisy = torch.where(valid, scale / disparity.clamp_min(_LEAST), 0.0)
         return depth.index_copy(0, picked, noisy)
 
-    def _windows(
-        self, chances: NDArray[np.float64], seeds: NDArray[np.int64], size: tuple[int, int]
-    ) -> tuple[Tensor, Tensor]:
-        """Pixels to each side that are averaged, and jumps that end a surface, (B, H or 1, W or 1).
-
-        Args:
-            chances: (B, 6) of the images.
-            seeds: (B,) of the images.
-            size: height and width.
-        """
+    def _windows(self, chances: NDArray[np.float64]) -> tuple[Tensor, Tensor]:
+        """Pixels to each side (B,) that are averaged, and jumps (B, 1, 1) that end a surface."""
         ramps = chances[:, 4] < self.ramps
         max_window = np.where(ramps, self.ramp, self.window)
         reached = self.jump + chances[:, 5] * max(self.across - self.jump, 0.0)
-        windows = np.floor(chances[:, 1] * (max_window + 1)).astype(np.int64)[:, None, None]
-        jumps = np.where(ramps, reached, self.jump).astype(np.float32)[:, None, None]
-        windows, jumps = torch.from_numpy(windows), torch.from_numpy(jumps)
-        if not self.untextured or not self.reach:
-            return windows, jumps
-        streams = Streams.of(0, _TEXTURES, indices=seeds)
-        to_share, to_field = streams.split(2)
-        shares = torch.from_numpy(np.where(ramps, self.untextured * to_share.uniform(1)[:, 0], 0.0))
-        limits = -torch.special.ndtri(shares).float()
-        blank = _smooth_field(to_field, max(self.wavelengths), size) > limits[:, None, None]
-        return torch.where(blank, self.reach, windows), torch.where(blank, torch.inf, jumps)
+        windows = np.floor(chances[:, 1] * (max_window + 1)).astype(int)
+        jumps = np.where(ramps, reached, self.jump).astype(np.float32)
+        return torch.from_numpy(windows), torch.from_numpy(jumps)[:, None, None]
 
     def _growth(self, disparity: Tensor, valid: Tensor) -> Tensor:
         """Factor of the fields (B, H, W): 1 where all of a window matches, more near ends."""
@@ -145,37 +121,36 @@ class Stereo:
         return 1 + self.edges * (1 - close / (4 * len(_AROUND)))
 
     def _smoothed(self, disparity: Tensor, valid: Tensor, windows: Tensor, jumps: Tensor) -> Tensor:
-        """Means over windows that end at jumps, both of `_windows`, one axis after the other."""
+        """Means over windows (B,) that end at jumps (B, 1, 1), one axis after the other."""
+        widest = max(self.window, self.ramp if self.ramps else 0)
         for axis in (2, 1):
             total, count = disparity.clone(), torch.ones_like(disparity)
-            for step in range(1, int(windows.max()) + 1):
+            for step in range(1, widest + 1):
                 for way in (step, -step):
                     neighbour = _shifted(disparity, way, axis)
                     close = _shifted(valid, way, axis) & ((neighbour - disparity).abs() < jumps)
-                    close &= windows >= step
+                    close &= (windows >= step)[:, None, None]
                     total += torch.where(close, neighbour, 0.0)
                     count += close
             disparity = torch.where(valid, total / count, 0.0)
         return disparity
 
-    def _field(self, streams: Streams, size: tuple[int, int]) -> Tensor:
-        """Sum (B, H, W) of smooth fields of all wavelengths, on the CPU."""
-        parts = streams.split(len(self.wavelengths))
-        fields = (_smooth_field(*pair, size) for pair in zip(parts, self.wavelengths, strict=True))
-        return sum(fields, torch.zeros(len(streams), *size))
-
-
-def _smooth_field(streams: Streams, length: float, size: tuple[int, int]) -> Tensor:
-    """Gaussian field (B, H, W) of about unit deviation, independent `length` pixels apart."""
-    rows, columns = (int(np.ceil(side / length)) + 3 for side in size)
-    first, second = np.split(streams.uniform(2 * rows * columns), 2, axis=1)
-    normal = np.sqrt(-2 * np.log1p(-first)) * np.cos(2 * np.pi * second)
-    nodes = torch.from_numpy(normal.astype(np.float32)).view(-1, 1, rows, columns)
-    whole = (round(rows * length), round(columns * length))
-    field = functional.interpolate(nodes, whole, mode="bicubic", align_corners=False)
-    # Half a node off the edge, where the interpolation repeats the last one
-    at = round(length)
-    return field[:, 0, at : at + size[0], at : at + size[1]] / _DEVIATION
+    def _field(self, streams: Streams, height: int, width: int) -> Tensor:
+        """Smooth Gaussian fields (B, H, W), each wavelength of about unit deviation, on the CPU."""
+        total = torch.zeros(len(streams), height, width)
+        for length, part in zip(
+            self.wavelengths, streams.split(len(self.wavelengths)), strict=True
+        ):
+            rows, columns = (int(np.ceil(size / length)) + 3 for size in (height, width))
+            first, second = np.split(part.uniform(2 * rows * columns), 2, axis=1)
+            normal = np.sqrt(-2 * np.log1p(-first)) * np.cos(2 * np.pi * second)
+            nodes = torch.from_numpy(normal.astype(np.float32)).view(-1, 1, rows, columns)
+            size = (round(rows * length), round(columns * length))
+            field = functional.interpolate(nodes, size, mode="bicubic", align_corners=False)
+            # Half a node off the edge, where the interpolation repeats the last one
+            at = round(length)
+            total += field[:, 0, at : at + height, at : at + width] / _DEVIATION
+        return total
 
 
 def unseen_from_the_right(disparity: Tensor) -> Tensor:

@@ -84,25 +84,6 @@ def test_some_windows_reach_across_edges():
     assert torch.allclose(widest, expected, atol=1e-3)
 
 
-def test_windows_reach_far_across_all_edges_where_nothing_has_texture():
-    """In a share of the image that is drawn from 0 to 1, so half of a step's pixels are ramps."""
-    u, count, reach = torch.arange(80.0), 200, 7
-    scale = Stereo().baseline * cameras(1).intrinsics[0, 0].item()
-    disparity = torch.where(u < 40, 4.0, 9.0).expand(count, 60, 80)
-    noise = Stereo(waves=0.0, window=0, shadows=0.0, ramps=1.0, ramp=0, across=0.3,
-                   untextured=1.0, reach=reach)  # fmt: skip
-    blurred = scale / noise.apply(scale / disparity, cameras(count), seeds(count))
-    before, after = (blurred[:, :, column] for column in (39, 40))
-    is_ramp = (after - 9).abs() > 1e-3
-    assert is_ramp.double().mean().item() == pytest.approx(0.5, abs=0.08)
-    beside = 9 - 5 * reach / (2 * reach + 1)  # less where columns leave what has no texture
-    assert after.min().item() == pytest.approx(beside, abs=1e-3)
-    assert after[is_ramp].median().item() == pytest.approx(beside, abs=0.05)
-    assert ((before - 4).abs() > 1e-3).double().mean().item() == pytest.approx(0.5, abs=0.08)
-    far = (u < 40 - reach) | (u >= 40 + reach)
-    assert torch.allclose(blurred[..., far], disparity[..., far], atol=1e-3)
-
-
 def test_what_the_right_camera_does_not_see_is_lost():
     """A board 0.6 m away before a wall at 1.2 m: its shadow is as wide as disparities differ."""
     u = torch.arange(80)
@@ -166,8 +147,6 @@ def test_the_share_of_disturbed_images():
         {"ramps": 1.5},
         {"ramp": -1},
         {"across": 0.0},
-        {"untextured": 1.5},
-        {"reach": -1},
         {"shadows": 1.5},
         {"waves": -1.0},
         {"wavelengths": (0.0,)},
