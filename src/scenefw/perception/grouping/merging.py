@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from scenefw.core.settings import POSITIVE, at_least
 from scenefw.fitting.placed import OUTLIERS, signed_distance
 from scenefw.perception.observation.floor import TABLE_HEIGHT
-from scenefw.perception.observation.points import DRAWS, MINORITY, points_by_label
+from scenefw.perception.observation.points import DRAWS, points_by_label
 from scenefw.perception.segmentation.regions import hiding
 
 if TYPE_CHECKING:
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from scenefw.perception.observation.observation import ViewGeometry
 
     Group = frozenset[int]
+
+_MAX_FREE_RATIO = 0.2  # share of segments that may be seen through, at borders of voxels
 
 
 class FitMerging:
@@ -152,7 +154,7 @@ def _may_be_one(
         voxels, inside = view.grid.nearest_voxels(first + share * (second - first))
         x, y, z = np.moveaxis(np.clip(voxels, 0, view.grid.resolution - 1), -1, 0)
         crosses_free = (view.free[x, y, z] & inside).any(axis=0)
-        if crosses_free.mean() > MINORITY:  # some may, at borders of voxels
+        if crosses_free.mean() > _MAX_FREE_RATIO:
             return False
     return True
 

@@ -85,7 +85,7 @@ def test_a_sliver_of_what_an_object_hides_stays_apart():
     """However badly fits may explain both: no convex object hides a part of itself."""
     high, behind = (
         Box((-0.1, -0.1, 0.0), (0.1, 0.0, 0.3)),
-        Box((0.06, 0.0, 0.0), (0.13, 0.1, 0.25)),
+        Box((0.06, 0.1, 0.0), (0.135, 0.2, 0.25)),
     )
     geometry, labels, depth = seen((high, behind))
     assert 30 <= (labels == 2).sum() < 0.1 * (labels == 1).sum()
