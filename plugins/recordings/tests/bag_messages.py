@@ -80,14 +80,14 @@ def written(path, messages, old=False):
     store = Store(old)
     writer = OldWriter(path) if old else rosbag2.Writer(path, version=9)
     with writer:
-        known = {}
+        connections = {}
         for topic, seconds, make in messages:
             message = make(store)
             kind = message.__msgtype__
-            if topic not in known:
-                known[topic] = writer.add_connection(topic, kind, typestore=store.types)
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=store.types)
             serialise = store.types.serialize_ros1 if old else store.types.serialize_cdr
-            writer.write(known[topic], int(seconds * 1e9), serialise(message, kind))
+            writer.write(connections[topic], int(seconds * 1e9), serialise(message, kind))
     return path
 
 
@@ -143,13 +143,13 @@ def rvl_of(pixels):
     while place < len(values):
         zeros = next((n for n, v in enumerate(values[place:]) if v), len(values) - place)
         place += zeros
-        others = next((n for n, v in enumerate(values[place:]) if not v), len(values) - place)
+        nonzeros = next((n for n, v in enumerate(values[place:]) if not v), len(values) - place)
         put(zeros)
-        put(others)
-        for value in values[place : place + others]:
+        put(nonzeros)
+        for value in values[place : place + nonzeros]:
             delta, previous = value - previous, value
             put((delta << 1) ^ (delta >> 31))
-        place += others
+        place += nonzeros
     nibbles += [0] * (-len(nibbles) % 8)
     words = [
         int("".join(f"{n:x}" for n in nibbles[k : k + 8]), 16) for k in range(0, len(nibbles), 8)
