@@ -41,6 +41,7 @@ _ALONE = "nothing: there is no other, and its settings are typed as grid.extent=
 _FIXED = "nothing: other values were no better"
 _FLOOR = "segmentation.floor_margin; the floor's noise adds three standard deviations"
 _GROUPED = "nothing: with the network that ships, pixels stay with their segments"
+_BASINS = "segmentation.min_basin_depth, higher for fewer regions"
 _MERGED = "segmentation.merging.intercept, higher for fewer segments"
 _SMOOTHED = "nothing: images are smoothed by a pixel of one 640 wide"
 _SWITCHES = "the settings that it changed, as model.zero_share=0 (docs/training.md#sweeps)"
@@ -114,6 +115,12 @@ DELETED: Mapping[str, str] = {
     "segmentation.colours.reach": _COLOURS,
     "segmentation.colours.smoothing": _COLOURS,
     "segmentation.colours.weight": _COLOURS,
+    "segmentation.min_core_affinity": _BASINS,
+    "segmentation.min_region": _BASINS,
+    "segmentation.sure": _BASINS,
+    "segmentation.seed": _BASINS,
+    "parts.sure": _BASINS,
+    "parts.seed": _BASINS,
     "segmentation.min_affinity": _MERGED,
     "segmentation.same": _MERGED,
     "segmentation.min_crease_affinity": _MERGED,
@@ -166,8 +173,6 @@ KEYS: Mapping[str, str] = {
     "checkpoints.parts": "checkpoints.part_affinity",
     "checkpoints.scenes": "checkpoints.set_flow",
     "parts": "segmentation",
-    "segmentation.sure": "segmentation.min_core_affinity",
-    "segmentation.seed": "segmentation.min_region",
     "segmentation.pixel": "segmentation.min_pixel_probability",
     "segmentation.margin": "segmentation.floor_margin",
     "segmentation.smallest": "segmentation.min_pixels",
@@ -197,8 +202,6 @@ KEYS: Mapping[str, str] = {
     "several_views@run.pipeline.reconstructor": "several_views@run.pipeline",
     "reconstructor.smallest": "completion.min_volume",
     "reconstructor.suppress": "completion.max_iou",
-    "parts.seed": "segmentation.min_region",
-    "parts.sure": "segmentation.min_core_affinity",
     "parts.pixel": "segmentation.min_pixel_probability",
     "parts.margin": "segmentation.floor_margin",
     "parts.smallest": "segmentation.min_pixels",

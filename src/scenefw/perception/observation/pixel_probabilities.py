@@ -7,12 +7,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
+from scipy.special import logit
 
 from scenefw.core.batches import CameraBatch
 
 if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
     from scenefw.core.part_protocols import PartAffinityModel
-    from scenefw.core.types import Float32, Frame
+    from scenefw.core.types import Float32, Float64, Frame
+
+_MIN_PROBABILITY = 1e-3  # of a single pixel, or one less it
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,3 +61,8 @@ def pixel_probabilities(model: PartAffinityModel, frame: Frame) -> PixelProbabil
     objects = None if model.shown is None else further_answers.pop(0)
     obstacles = None if model.obstacles is None else further_answers.pop(0)
     return PixelProbabilities(step, across[:, :-1], down[:-1], objects, obstacles)
+
+
+def log_odds(probabilities: ArrayLike) -> Float64:
+    """Of the probabilities of single pixels; a network that is surer of them isn't believed."""
+    return np.asarray(logit(np.clip(probabilities, _MIN_PROBABILITY, 1 - _MIN_PROBABILITY)))

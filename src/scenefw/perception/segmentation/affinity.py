@@ -6,13 +6,16 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.ndimage import label
 from scipy.special import logit
+from skimage.morphology import h_minima
+from skimage.segmentation import watershed
 
-from scenefw.core.settings import COUNT, NOT_NEGATIVE, PROBABILITY, below
+from scenefw.core.settings import COUNT, NOT_NEGATIVE, POSITIVE, below
 from scenefw.fitting.placed import OUTLIERS
-from scenefw.perception.observation.components import EDGE, TOUCH, linked_parts
+from scenefw.perception.observation.components import EDGE, TOUCH, neighbours
 from scenefw.perception.observation.floor_noise import ROUNDING
-from scenefw.perception.observation.pixel_probabilities import pixel_probabilities
+from scenefw.perception.observation.pixel_probabilities import log_odds, pixel_probabilities
 from scenefw.perception.observation.pixels import WIDTH
 from scenefw.perception.observation.points import MAJORITY
 from scenefw.perception.segmentation.crease_segmentation import high_parts
@@ -32,9 +35,8 @@ if TYPE_CHECKING:
 class AffinitySegmentation:
     """Cuts a depth image above the floor where a network finds different objects.
 
-    Pixels that surely show the same object are joined first, and others go to what is nearest along
-    the surface, but not across a jump of depth; where none is sure, those are joined that likely
-    show the same. Which of these regions are one object, `merging` says.
+    Regions end where the network is least sure that neighbouring pixels show the same object, by a
+    watershed; which of them are one object, `merging` says.
     Images are thinned to about the focal length that the network learnt from. Where the floor waves
     and the network says which pixels show objects, it is believed: the bottom of a bowl is as low
     as waves, and ramps of depth beside objects are high. Parts that it takes for no object are
@@ -42,8 +44,8 @@ class AffinitySegmentation:
 
     Args:
         checkpoint: of a network of affinities.
-        min_core_affinity: probability of the same object from which on pixels are joined first.
-        min_region: pixels (of the thinned image) of the smallest region.
+        min_basin_depth: log odds: between two regions links are weaker by more than this than the
+            strongest ones within either.
         min_pixel_probability: where depth has noise, pixels that don't show an object more probably
             than this belong to none; 0: what the network says of them counts nowhere. Where errors
             of neighbouring pixels are independent, points within three standard deviations of them
@@ -63,8 +65,7 @@ class AffinitySegmentation:
     """
 
     checkpoint: Trained[PartAffinityModel]
-    min_core_affinity: float = 0.95
-    min_region: int = 12
+    min_basin_depth: float = 3.0
     min_pixel_probability: float = 0.9
     floor_margin: float = 0.005
     min_pixels: float = 60.0
@@ -73,18 +74,19 @@ class AffinitySegmentation:
     merging: RegionMerging | None = field(default_factory=RegionMerging)
 
     def __post_init__(self) -> None:
-        PROBABILITY.require(min_core_affinity=self.min_core_affinity)
+        POSITIVE.require(min_basin_depth=self.min_basin_depth)
         below(1).require(min_pixel_probability=self.min_pixel_probability)
         NOT_NEGATIVE.require(floor_margin=self.floor_margin, min_height=self.min_height)
         NOT_NEGATIVE.require(min_height_sigmas=self.min_height_sigmas)
-        COUNT.require(min_region=self.min_region, min_pixels=self.min_pixels)
+        COUNT.require(min_pixels=self.min_pixels)
 
     def segment(self, view: Observation) -> Int32:
         """Parts (H, W), 0 = none, of a depth image."""
         frame, heights = view.frame, view.heights
         noise, smooth = view.noise.at(view.depth), view.noise.is_correlated
         probabilities = pixel_probabilities(self.checkpoint.model, frame)
-        step, across, down = probabilities.step, probabilities.across, probabilities.down
+        step = probabilities.step
+        across, down = log_odds(probabilities.across), log_odds(probabilities.down)
         depth = np.ascontiguousarray(np.nan_to_num(frame.depth[::step, ::step]), np.float32)
         rows, columns = (np.arange(size) // step for size in frame.depth.shape)
         thinned_pixels = np.ix_(rows, columns)
@@ -97,7 +99,7 @@ class AffinitySegmentation:
                 above &= heights > OUTLIERS * noise
                 odds = odds + (heights / np.maximum(noise, ROUNDING)) ** 2 / 2
             above &= odds > logit(self.min_pixel_probability)
-        regions = self._regions(depth, across, down, above[::step, ::step])
+        regions = self._regions(across, down, above[::step, ::step])
         merged_regions = regions.astype(np.int64)
         if self.merging is not None:
             creases = self.merging.creases.segment(view)[::step, ::step]
@@ -114,17 +116,38 @@ class AffinitySegmentation:
         return high_parts(grown(parts, above, frame.depth, EDGE), heights, min_height)
 
     def _regions(
-        self, depth: Float32, across: Float32, down: Float32, above: NDArray[np.bool_]
-    ) -> Int32:
-        """Regions (H, W), 0 = none, of the thinned image, before neighbours are joined."""
-        cores = linked_parts(above, across > self.min_core_affinity, down > self.min_core_affinity)
-        regions = large_parts(cores, self.min_region)
-        components = linked_parts(above, across > MAJORITY, down > MAJORITY)
-        # slivers, of which no few pixels are sure
-        is_sliver = ~np.isin(components, components[regions > 0])
-        slivers = large_parts(np.where(is_sliver, components, 0), self.min_region)
-        regions = np.where(slivers > 0, slivers + regions.max(initial=0), regions)
-        return grown(regions, above, depth, EDGE)
+        self, across: Float64, down: Float64, above: NDArray[np.bool_]
+    ) -> NDArray[np.int32]:
+        """Regions (H, W), 0 = none, of the thinned image, before neighbours are joined.
+
+        They are basins of the weakest link of each pixel, by a watershed; a basin no deeper than
+        `min_basin_depth` is part of a deeper one.
+        """
+        weakest = np.full(above.shape, log_odds(1.0))
+        for links, slices in zip((across, down), neighbours(), strict=True):
+            for pixels in slices:
+                weakest[pixels] = np.minimum(weakest[pixels], links)
+        relief = np.where(above, -weakest, -log_odds(0.0))
+        basins = label(h_minima(relief, self.min_basin_depth) & above)[0]
+        regions = watershed(relief, basins, mask=above)
+        return _within_links(_within_links(regions, across, down), across, down)
+
+
+def _within_links(regions: NDArray[np.int32], across: Float64, down: Float64) -> NDArray[np.int32]:
+    """Regions (H, W), with pixels that no probable link joins to theirs given to the likeliest other.
+
+    To which side the pixels of a ridge go, a watershed leaves to chance.
+    """
+    highest, others = np.zeros(regions.shape), regions.copy()
+    is_linked = np.zeros(regions.shape, bool)
+    for links, (first, second) in zip((across, down), neighbours(), strict=True):
+        is_same = regions[first] == regions[second]
+        for pixels, neighbour in ((first, second), (second, first)):
+            is_linked[pixels] |= is_same & (links > 0)
+            is_better = ~is_same & (regions[neighbour] > 0) & (links > highest[pixels])
+            highest[pixels] = np.where(is_better, links, highest[pixels])
+            others[pixels] = np.where(is_better, regions[neighbour], others[pixels])
+    return np.where(is_linked, regions, others)
 
 
 def _means(values: Float32, parts: Int32) -> Float64:

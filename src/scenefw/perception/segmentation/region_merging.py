@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.special import logit
 
 from scenefw.core.errors import ConfigError
 from scenefw.core.settings import FINITE
@@ -16,9 +15,7 @@ from scenefw.perception.segmentation.regions import along_borders
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from scenefw.core.types import Float32, Float64, Int32
-
-_MIN_PROBABILITY = 1e-3  # single pixels that a network is surer of count as these
+    from scenefw.core.types import Float64, Int32
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,10 +39,10 @@ class RegionMerging:
     """
 
     creases: CreaseSegmentation = field(default_factory=CreaseSegmentation)
-    intercept: float = 3.33
-    affinity: float = 0.83
-    same_part: float = 1.26
-    log_pixels: float = -0.71
+    intercept: float = 2.35
+    affinity: float = 1.03
+    same_part: float = 1.28
+    log_pixels: float = -0.39
 
     def __post_init__(self) -> None:
         FINITE.require(intercept=self.intercept, affinity=self.affinity)
@@ -56,7 +53,7 @@ class RegionMerging:
             )
 
     def merged(
-        self, regions: Int32, across: Float32, down: Float32, parts: Int32
+        self, regions: Int32, across: Float64, down: Float64, parts: Int32
     ) -> NDArray[np.int64]:
         """Regions (H, W), 0 = none, after joining; the arguments are those of `RegionPairs.of`."""
         pairs = RegionPairs.of(regions, across, down, parts)
@@ -86,19 +83,16 @@ class RegionPairs:
     pixels: Float64
 
     @classmethod
-    def of(cls, regions: Int32, across: Float32, down: Float32, parts: Int32) -> RegionPairs:
+    def of(cls, regions: Int32, across: Float64, down: Float64, parts: Int32) -> RegionPairs:
         """Of an image.
 
         Args:
             regions: (H, W), 0 = none.
-            across: (H, W - 1) probability that a pixel and its right neighbour are of one object.
+            across: (H, W - 1) log odds that a pixel and its right neighbour are of one object.
             down: (H - 1, W) the same for the one below.
             parts: (H, W) of the other segmentation.
         """
-        sums, borders = along_borders(
-            regions,
-            *(logit(np.clip(p, _MIN_PROBABILITY, 1 - _MIN_PROBABILITY)) for p in (across, down)),
-        )
+        sums, borders = along_borders(regions, across, down)
         pixels = np.zeros((len(sums), int(parts.max(initial=0)) + 1))
         np.add.at(pixels, (regions, parts), 1)
         return cls(sums, borders, pixels)

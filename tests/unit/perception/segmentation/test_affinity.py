@@ -76,9 +76,7 @@ def test_pixels_beside_a_jump_go_to_what_they_show(monkeypatch):
     camera = camera_at(eye=(0.0, -0.85, 0.35))
     frame = replace(frame_of(camera, (front, back)), camera=camera)
     owners = frame.labels
-    finder = AffinitySegmentation(
-        Loaded(Knowing(owners, camera.fx / 3)), min_pixels=10, min_region=4
-    )
+    finder = AffinitySegmentation(Loaded(Knowing(owners, camera.fx / 3)), min_pixels=10)
 
     def astray():
         parts = finder.segment(Observation(frame))
@@ -112,9 +110,7 @@ def test_a_sliver_behind_an_object_is_no_part_of_it(monkeypatch, thinned):
     network.forward = forward
     few = (owners == 2).sum() // thinned**2
     for smallest, parts in ((1, 2), (4 * few, 1)):
-        finder = AffinitySegmentation(
-            Loaded(network), min_pixels=4 * smallest * thinned**2, min_region=4
-        )
+        finder = AffinitySegmentation(Loaded(network), min_pixels=4 * smallest * thinned**2)
         found = finder.segment(Observation(frame))
         assert found.max() == parts
         assert len(np.unique(found[(owners == 1) & (found > 0)])) == 1
@@ -128,13 +124,14 @@ def test_images_without_objects_have_no_parts(seen):
     assert finder.segment(Observation(replace(frame, depth=np.zeros_like(frame.depth)))).max() == 0
 
 
-def test_a_few_likely_pixels_do_not_join_two_objects(seen):
-    """A gap of three pixels in the border: with a threshold alone they would."""
+@pytest.mark.parametrize(("inside", "gap"), [(4.0, 0.9), (4.0, 2.0), (6.5, 3.3)])
+def test_a_few_likely_pixels_do_not_join_two_objects(seen, inside, gap):
+    """A gap of three pixels in the border: with a threshold alone, even of 0.95, they would."""
     frame, owners = seen
     network = Knowing(owners, frame.camera.fx)
-    true = network.forward(torch.from_numpy(frame.depth)[None], None)
+    true = network.forward(torch.from_numpy(frame.depth)[None], None) * inside / 4
     rows, columns = np.nonzero((owners[:-1] == 2) & (owners[1:] == 1))
-    true[0, 1, rows[10:13], columns[10:13]] = 2.0
+    true[0, 1, rows[10:13], columns[10:13]] = gap
     network.forward = lambda *_: true
     assert (
         AffinitySegmentation(Loaded(network), min_pixels=20).segment(Observation(frame)).max() == 2
@@ -150,8 +147,7 @@ def test_a_few_likely_pixels_do_not_join_two_objects(seen):
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"min_core_affinity": 1.0},
-        {"min_region": 0},
+        {"min_basin_depth": 0.0},
         {"min_pixel_probability": 1.0},
         {"floor_margin": -0.1},
         {"min_pixels": 0},
@@ -276,7 +272,9 @@ def test_what_no_jump_and_no_crease_cuts_counts_as_evidence(thinned):
     frame, halves, network = half_sure(thinned, logit=-2.0)
 
     def number(image=frame, **weights):
-        merging = RegionMerging(CreaseSegmentation(min_pixels=20), log_pixels=0.0, **weights)
+        merging = RegionMerging(
+            CreaseSegmentation(min_pixels=20), affinity=0.8, log_pixels=0.0, **weights
+        )
         finder = AffinitySegmentation(Loaded(network), min_pixels=20, merging=merging)
         return finder.segment(Observation(image)).max()
 

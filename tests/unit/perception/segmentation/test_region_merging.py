@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy.special import expit, logit
 
 from scenefw.core.errors import ConfigError
 from scenefw.perception.segmentation.region_merging import RegionMerging
@@ -18,7 +17,7 @@ def joined_anew(merging, regions, across, down, parts):
                 if y < regions.shape[0] and x < regions.shape[1]:
                     pair = tuple(sorted((int(regions[v, u]), int(regions[y, x]))))
                     if pair[0] and pair[0] != pair[1]:
-                        borders.setdefault(pair, []).append(logit(values[v, u]))
+                        borders.setdefault(pair, []).append(values[v, u])
 
         def odds(pair, borders=borders):
             masks = [regions == label for label in pair]
@@ -43,8 +42,8 @@ def test_regions_are_joined_in_the_order_of_their_odds(shape, seed):
     regions = rng.integers(0, 8, (shape[0] // 3 + 1, shape[1] // 3 + 1)).repeat(3, 0).repeat(3, 1)
     regions = regions[: shape[0], : shape[1]].astype(np.int32)
     parts = (regions > 3).astype(np.int32)
-    across = rng.uniform(0.05, 0.95, (shape[0], shape[1] - 1))
-    down = rng.uniform(0.05, 0.95, (shape[0] - 1, shape[1]))
+    across = rng.uniform(-3, 3, (shape[0], shape[1] - 1))
+    down = rng.uniform(-3, 3, (shape[0] - 1, shape[1]))
     merging = RegionMerging(intercept=1.3, affinity=0.8, same_part=0.5, log_pixels=-0.5)
     labels = merging.merged(regions, across, down, parts)
     expected = joined_anew(merging, regions, across, down, parts)
@@ -59,21 +58,21 @@ def test_regions_are_joined_in_the_order_of_their_odds(shape, seed):
 def test_each_measure_decides_where_the_others_are_even(size):
     regions = np.repeat([1, 1, 2, 2], size)[None].repeat(size, axis=0).astype(np.int32)
     halves = (regions > 1).astype(np.int32)
-    down = np.full((size - 1, 4 * size), 0.99)
+    down = np.full((size - 1, 4 * size), 4.6)
 
-    def number(probability, parts, **weights):
+    def number(log_odds, parts, **weights):
         merging = RegionMerging(**{"affinity": 0.0, "same_part": 0.0, "log_pixels": 0.0} | weights)
-        across = np.full((size, 4 * size - 1), probability)
+        across = np.full((size, 4 * size - 1), log_odds)
         return len(np.unique(merging.merged(regions, across, down, parts)))
 
     nothing = np.zeros_like(regions)
-    assert number(expit(-1.1), nothing, intercept=1.0, affinity=1.0) == 2
-    assert number(expit(-0.9), nothing, intercept=1.0, affinity=1.0) == 1
-    assert number(0.5, halves, intercept=-1.0, same_part=2.0) == 2
-    assert number(0.5, nothing, intercept=-1.0, same_part=2.0) == 1
+    assert number(-1.1, nothing, intercept=1.0, affinity=1.0) == 2
+    assert number(-0.9, nothing, intercept=1.0, affinity=1.0) == 1
+    assert number(0.0, halves, intercept=-1.0, same_part=2.0) == 2
+    assert number(0.0, nothing, intercept=-1.0, same_part=2.0) == 1
     log = np.log(2 * size**2)
-    assert number(0.5, nothing, intercept=log - 0.1, log_pixels=-1.0) == 2
-    assert number(0.5, nothing, intercept=log + 0.1, log_pixels=-1.0) == 1
+    assert number(0.0, nothing, intercept=log - 0.1, log_pixels=-1.0) == 2
+    assert number(0.0, nothing, intercept=log + 0.1, log_pixels=-1.0) == 1
 
 
 def test_an_image_without_regions_stays_so():
