@@ -134,7 +134,7 @@ class AffinitySegmentation:
 
 
 def _within_links(regions: NDArray[np.int32], across: Float64, down: Float64) -> NDArray[np.int32]:
-    """Regions (H, W) after pixels that no probable link joins to their own changed to the likeliest.
+    """Regions (H, W); pixels without a probable link to their own change to the likeliest other.
 
     To which side the pixels of a ridge go, a watershed leaves to chance.
     """
