@@ -119,8 +119,6 @@ DELETED: Mapping[str, str] = {
     "segmentation.min_region": _BASINS,
     "segmentation.sure": _BASINS,
     "segmentation.seed": _BASINS,
-    "parts.sure": _BASINS,
-    "parts.seed": _BASINS,
     "segmentation.min_affinity": _MERGED,
     "segmentation.same": _MERGED,
     "segmentation.min_crease_affinity": _MERGED,
