@@ -140,7 +140,7 @@ def main() -> None:
     settings = ["experiment=household", f"input={options.meshes}", "split=val", "device=cpu"]
     builder = Builder(config.compose([*settings, f"size.test_scenes={options.scenes}"]))
     pipeline = builder.build("evaluation.methods.set_extents")
-    segmentation = getattr(pipeline.segmentation, "step", pipeline.segmentation)
+    segmentation = pipeline.segmentation.step  # of the shared one
     merging = segmentation.merging
     recorder = MergingRecorder(merging.creases)
     object.__setattr__(segmentation, "merging", recorder)

@@ -40,27 +40,12 @@ def depth_parts(depth: Float32, mask: NDArray[np.bool_], jump: float) -> NDArray
         mask: (H, W) pixels that belong to a part.
         jump: neighbouring pixels further apart in depth belong to different parts (m).
     """
-    links = [np.abs(depth[a] - depth[b]) < jump for a, b in neighbours()]
-    return linked_parts(mask, links[0], links[1])
-
-
-def linked_parts(
-    mask: NDArray[np.bool_], across: NDArray[np.bool_], down: NDArray[np.bool_]
-) -> NDArray[np.int64]:
-    """Components (H, W), from 1 on, of the pixels of `mask` that links join; 0 elsewhere.
-
-    Args:
-        mask: (H, W) pixels that belong to a part.
-        across: (H, W - 1) whether a pixel is joined to its right neighbour.
-        down: (H - 1, W) whether it is to the one below.
-    """
     count = int(mask.sum())
     index = np.zeros(mask.shape, np.int32)
     index[mask] = np.arange(count)
     rows, columns = [], []
-    linked = iter((across, down))
     for a, b in neighbours():
-        link_mask = mask[a] & mask[b] & next(linked)
+        link_mask = mask[a] & mask[b] & (np.abs(depth[a] - depth[b]) < jump)
         rows.append(index[a][link_mask])
         columns.append(index[b][link_mask])
     row, column = np.concatenate(rows), np.concatenate(columns)

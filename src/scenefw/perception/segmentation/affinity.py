@@ -130,6 +130,7 @@ class AffinitySegmentation:
         relief = np.where(above, -weakest, -log_odds(0.0))
         basins = label(h_minima(relief, self.min_basin_depth) & above)[0]
         regions = watershed(relief, basins, mask=above)
+        # twice: a pixel in a ridge's corner follows its neighbour
         return _within_links(_within_links(regions, across, down), across, down)
 
 
