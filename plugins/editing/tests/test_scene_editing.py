@@ -4,7 +4,7 @@ from tests.unit.perception.edited_scenes import block, scene
 
 from scenefw.core.errors import InputError
 from scenefw.core.types import PlacedShape, Pose
-from scenefw.perception.physics.contacts import hovers, overlaps
+from scenefw.perception.estimate.contacts import hovers, overlaps
 from scenefw.shapes.moments import moments
 from scenefw.shapes.superquadric import Superquadric
 from scenefw_editing import scene_editing as editing

@@ -51,7 +51,7 @@ class ConvexParts:
             coacd.Mesh(mesh.vertices, mesh.faces.astype(np.int32)),
             threshold=self.threshold,
             max_convex_hull=self.most,
-            preprocess_mode="auto",
+            preprocess_mode="off",  # it inflates parts, takes long, and has ended whole processes
             resolution=500,  # a quarter of the default's points: parts differ little, time a lot
             mcts_iterations=30,
             mcts_nodes=10,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from scenefw.perception.estimate.contacts import hovers, overlaps
 from scenefw.perception.observation.components import DETAIL
-from scenefw.perception.physics.contacts import hovers, overlaps
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

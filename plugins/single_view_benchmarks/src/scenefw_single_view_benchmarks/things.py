@@ -12,7 +12,7 @@ from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.settings import NOT_NEGATIVE, POSITIVE, at_least
 from scenefw.evaluation.scored_scenes import scored_scenes
 from scenefw.metrics.object_sets import energy_score
-from scenefw.perception.physics import contacts
+from scenefw.perception.estimate import contacts
 from scenefw_simulators.body_maker import BodyMaker
 from scenefw_simulators.motions import motions
 from scenefw_single_view_benchmarks.confidence_results import ObjectConfidence

@@ -12,6 +12,7 @@ from scenefw.core.types import SceneEstimate
 from scenefw.matching.instances import renumbered_like
 from scenefw.perception.estimate.carving import carve, whole_objects
 from scenefw.perception.estimate.composition import composed, shell_meshes, with_shells
+from scenefw.perception.estimate.exclusive_space import exclusive
 from scenefw.perception.estimate.marked_objects import called, marked_solids
 from scenefw.perception.estimate.mask_cleanup import with_unmeasured_pixels, without_holes
 from scenefw.perception.estimate.objects import estimate_objects
@@ -46,8 +47,8 @@ class SceneAssembly:
     """Makes scene estimates of hypotheses (group `assembly`).
 
     Args:
-        carve: takes away what lies in free space or below the floor; shapes of which much does are
-            replaced.
+        carve: takes away what lies in free space, below the floor, or in a surer object; shapes of
+            which much lies in free space or below the floor are replaced.
         calibration: from cues about objects to their expected IoU; None: it was not fitted.
     """
 
@@ -110,6 +111,8 @@ class SceneAssembly:
             estimate = with_confidence(
                 _with_shells(estimate, shells), view, agreement, self.calibration
             )
+            if self.carve:
+                estimate = replace(estimate, objects=exclusive(estimate.objects))
             if gradient is not None and view.masks is None:  # who marks objects knows their ends
                 estimate = _with_unmeasured_pixels(estimate, view, gradient)
             estimate = replace(estimate, obstacles=obstacles)

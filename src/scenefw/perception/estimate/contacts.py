@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 
     from scenefw.core.types import Float64, ObjectEstimate
 
+FLOOR = 0
+"""Stands for the floor z = 0 among ids of objects."""
+
 
 @dataclass(frozen=True)
 class Overlap:
@@ -25,7 +28,7 @@ class Overlap:
 
     Args:
         first: id.
-        second: id of the other one; 0 = the floor.
+        second: id of the other one, or `FLOOR`.
         depth: how far they run into each other (m).
         volume: that both fill (m^3); NaN for the floor.
     """
@@ -43,7 +46,7 @@ class Hover:
     Args:
         id: of the object.
         gap: how far it can sink straight down (m).
-        below: id of what it would meet; 0 = the floor.
+        below: id of what it would meet, or `FLOOR`.
     """
 
     id: int
@@ -60,7 +63,7 @@ def overlaps(objects: Sequence[ObjectEstimate], tolerance: float = DETAIL) -> li
     """
     solids = {item.id: distances_to(item.mesh) for item in objects}
     candidates = [
-        Overlap(label, 0, -float(solid.low[2]), float("nan")) for label, solid in solids.items()
+        Overlap(label, FLOOR, -float(solid.low[2]), float("nan")) for label, solid in solids.items()
     ]
     candidates += [_overlap(a, solids[a], b, solids[b]) for a, b in combinations(solids, 2)]
     return [overlap for overlap in candidates if overlap.depth > tolerance]
@@ -95,7 +98,7 @@ def _overlap(a: int, first: MeshDistances, b: int, second: MeshDistances) -> Ove
 
 def _hover(label: int, solids: dict[int, MeshDistances]) -> Hover:
     upper = solids[label]
-    best = Hover(label, max(float(upper.low[2]), 0.0), 0)
+    best = Hover(label, max(float(upper.low[2]), 0.0), FLOOR)
     for lower_label, lower in solids.items():
         if lower_label == label or (lower.high[:2] < upper.low[:2]).any():
             continue
