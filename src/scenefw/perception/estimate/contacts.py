@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from itertools import combinations
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -18,9 +18,6 @@ if TYPE_CHECKING:
 
     from scenefw.core.types import Float64, ObjectEstimate
 
-FLOOR = 0
-"""Stands for the floor z = 0 among ids of objects."""
-
 
 @dataclass(frozen=True)
 class Overlap:
@@ -32,6 +29,8 @@ class Overlap:
         depth: how far they run into each other (m).
         volume: that both fill (m^3); NaN for the floor.
     """
+
+    FLOOR: ClassVar[int] = 0  # stands for the floor z = 0 among ids of objects
 
     first: int
     second: int
@@ -46,7 +45,7 @@ class Hover:
     Args:
         id: of the object.
         gap: how far it can sink straight down (m).
-        below: id of what it would meet, or `FLOOR`.
+        below: id of what it would meet, or `Overlap.FLOOR`.
     """
 
     id: int
@@ -63,7 +62,8 @@ def overlaps(objects: Sequence[ObjectEstimate], tolerance: float = DETAIL) -> li
     """
     solids = {item.id: distances_to(item.mesh) for item in objects}
     candidates = [
-        Overlap(label, FLOOR, -float(solid.low[2]), float("nan")) for label, solid in solids.items()
+        Overlap(label, Overlap.FLOOR, -float(solid.low[2]), float("nan"))
+        for label, solid in solids.items()
     ]
     candidates += [_overlap(a, solids[a], b, solids[b]) for a, b in combinations(solids, 2)]
     return [overlap for overlap in candidates if overlap.depth > tolerance]
@@ -98,7 +98,7 @@ def _overlap(a: int, first: MeshDistances, b: int, second: MeshDistances) -> Ove
 
 def _hover(label: int, solids: dict[int, MeshDistances]) -> Hover:
     upper = solids[label]
-    best = Hover(label, max(float(upper.low[2]), 0.0), FLOOR)
+    best = Hover(label, max(float(upper.low[2]), 0.0), Overlap.FLOOR)
     for lower_label, lower in solids.items():
         if lower_label == label or (lower.high[:2] < upper.low[:2]).any():
             continue

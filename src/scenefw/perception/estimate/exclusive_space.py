@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from scenefw.core.types import TriangleMesh
-from scenefw.perception.estimate.contacts import FLOOR, overlaps
+from scenefw.perception.estimate.contacts import Overlap, overlaps
 from scenefw.perception.estimate.objects import estimate_objects
 
 if TYPE_CHECKING:
@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from manifold3d import Manifold
 
     from scenefw.core.types import ObjectEstimate
-
-_UP = (0.0, 0.0, 1.0)
 
 
 def exclusive(objects: Sequence[ObjectEstimate]) -> tuple[ObjectEstimate, ...]:
@@ -43,8 +41,8 @@ def exclusive(objects: Sequence[ObjectEstimate]) -> tuple[ObjectEstimate, ...]:
         if item.id not in rivals:
             continue
         whole = rest = _solid(item.mesh)
-        if FLOOR in rivals[item.id]:
-            rest = rest.trim_by_plane(_UP, 0.0)
+        if Overlap.FLOOR in rivals[item.id]:
+            rest = rest.trim_by_plane((0.0, 0.0, 1.0), 0.0)
         for rival in sorted(rivals[item.id] & solids.keys()):
             rest -= solids[rival]
         pieces = rest.decompose()

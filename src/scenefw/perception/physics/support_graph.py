@@ -12,7 +12,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from scenefw.core.weak_cache import cached_by_identity
 from scenefw.perception.estimate.base_frame import on_floor
-from scenefw.perception.estimate.contacts import FLOOR, shared_places
+from scenefw.perception.estimate.contacts import Overlap, shared_places
 from scenefw.perception.evidence.mesh_distances import MeshDistances, distances_to
 from scenefw.perception.observation.components import DETAIL
 from scenefw.perception.observation.points import MAJORITY
@@ -38,7 +38,7 @@ class SupportGraph:
         heights: of the top of each object (m).
     """
 
-    FLOOR: ClassVar[int] = FLOOR  # stands for the floor among ids of objects
+    FLOOR: ClassVar[int] = Overlap.FLOOR
 
     contacts: Mapping[int, Mapping[int, Float64]]
     centres: Mapping[int, Float64]
