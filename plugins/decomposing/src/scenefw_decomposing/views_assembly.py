@@ -9,6 +9,7 @@ import numpy as np
 
 from scenefw.perception.estimate.assembly import cleaned, scene_estimate
 from scenefw.perception.estimate.composition import composed
+from scenefw.perception.estimate.exclusive_space import exclusive
 from scenefw.perception.observation.components import EDGE
 from scenefw.perception.observation.pixels import coarse_step
 from scenefw.perception.observation.surface_mesh import obstacles_of
@@ -28,7 +29,8 @@ if TYPE_CHECKING:
 class ViewsAssembly:
     """Makes the scene of objects that several views show; its confidence needs no hypotheses.
 
-    It is the share of visible points that lie on an object, of those that are nearest to it.
+    It is the share of visible points that lie on an object, of those that are nearest to it. The
+    surer of two objects keeps what both fill.
 
     Args:
         tolerances: say which points lie on an object.
@@ -74,7 +76,7 @@ class ViewsAssembly:
             estimate = scene_estimate(whole, view.grid, view.frame, {}, details)
             shares = explained_shares(points, estimate.objects, inlier_distance, EDGE)
             objects = tuple(replace(item, confidence=shares[item.id]) for item in estimate.objects)
-            yield replace(estimate, objects=objects, obstacles=obstacles)
+            yield replace(estimate, objects=exclusive(objects), obstacles=obstacles)
 
 
 def _visible_points(view: Views) -> Float64:
