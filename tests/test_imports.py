@@ -9,7 +9,16 @@ import grimp
 import pytest
 
 SOURCE = Path(__file__).parents[1] / "src" / "scenefw"
-HEAVY = {"open3d", "pybullet", "mujoco", "coacd", "trimesh", "mesh_to_sdf", "pyrender"}
+HEAVY = {
+    "open3d",
+    "pybullet",
+    "mujoco",
+    "coacd",
+    "manifold3d",
+    "trimesh",
+    "mesh_to_sdf",
+    "pyrender",
+}
 
 
 def modules(*packages):

@@ -4,7 +4,17 @@ import os
 
 import pytest
 
-BARRED = ["trimesh", "open3d", "pybullet", "mujoco", "mitsuba", "viser", "coacd", "mesh_to_sdf"]
+BARRED = [
+    "manifold3d",
+    "trimesh",
+    "open3d",
+    "pybullet",
+    "mujoco",
+    "mitsuba",
+    "viser",
+    "coacd",
+    "mesh_to_sdf",
+]
 
 CODE = f"""
 import sys
