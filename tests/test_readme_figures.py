@@ -41,18 +41,29 @@ def test_sentences_of_the_readme_are_those_of_their_pages():
             assert row.split("|")[6].strip(" *") == value, (page, method)
 
 
+HOUSEHOLD = {  # overlap and boundary F of the method, then of the rule
+    "Kinect": r"F are (\S+) and (\S+) against (\S+) and (\S+) of a rule",
+    "stereo with ramps": r"stereo camera they are (\S+) and (\S+) against (\S+) and (\S+),",
+    "time of flight": r"-flight camera (\S+) and (\S+) against (\S+) and (\S+)\.",
+}
+
+
 def test_figures_of_household_things_are_those_of_their_page():
     text = (ROOT / "README.md").read_text(encoding="utf-8").replace("\n", " ")
-    match = re.search(
-        r"\[household things\]\((\S+?)\).*?F are (\S+) and (\S+) against (\S+) and (\S+) of a rule",
-        text,
-    )
-    page, *figures = match.groups()
+    page = re.search(r"\[household things\]\((\S+?)\)", text).group(1)
     lines = (ROOT / page).read_text(encoding="utf-8").splitlines()
-    for method, pair in (("set extents", figures[:2]), ("hull", figures[2:])):
-        row = next(line for line in lines if line.startswith(f"| Kinect: {method} |"))
-        cells = [cell.strip(" *") for cell in row.split("|")]
-        assert [cells[2], cells[4]] == pair, method
+
+    def cells(sensor, method, table):
+        rows = [line for line in lines if line.startswith(f"| {sensor}: {method} |")]
+        return [cell.strip(" *") for cell in rows[table].split("|")]
+
+    for sensor, sentence in HOUSEHOLD.items():
+        figures = re.search(sentence, text).groups()
+        for method, pair in (("set extents", figures[:2]), ("hull", figures[2:])):
+            row = cells(sensor, method, 0)
+            assert (row[2], row[4]) == pair, (sensor, method)
+    ours, hulls = re.search(r"with a Kinect (\S+) mm against (\S+) of hulls", text).groups()
+    assert (cells("Kinect", "set extents", 1)[3], cells("Kinect", "hull", 1)[3]) == (ours, hulls)
 
 
 def test_figures_of_labelled_images_are_those_of_their_page():

@@ -40,14 +40,14 @@ def exclusive(objects: Sequence[ObjectEstimate]) -> tuple[ObjectEstimate, ...]:
     for item in sorted(objects, key=lambda item: item.confidence, reverse=True):
         if item.id not in rivals:
             continue
-        whole = rest = _solid(item.mesh)
+        solid = remainder = _solid(item.mesh)
         if Overlap.FLOOR in rivals[item.id]:
-            rest = rest.trim_by_plane((0.0, 0.0, 1.0), 0.0)
+            remainder = remainder.trim_by_plane((0.0, 0.0, 1.0), 0.0)
         for rival in sorted(rivals[item.id] & solids.keys()):
-            rest -= solids[rival]
-        pieces = rest.decompose()
-        if rest is whole or not pieces:
-            solids[item.id] = whole
+            remainder -= solids[rival]
+        pieces = remainder.decompose()
+        if remainder is solid or not pieces:
+            solids[item.id] = solid
             continue
         solids[item.id] = max(pieces, key=lambda piece: piece.volume())
         mesh = _mesh(solids[item.id])

@@ -1,5 +1,7 @@
 """Boxes that share space, whose volumes are known, leave it to the surer one."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -55,10 +57,12 @@ def test_what_touches_keeps_its_shape():
 def test_a_shape_that_loses_space_is_a_mesh_with_its_confidence_and_cues():
     placed = {1: block(CUBE, (0, 0, 0.05)), 2: block(CUBE, (0.08, 0, 0.05))}
     meshes = {label: item.mesh() for label, item in placed.items()}
-    surer, other = exclusive(estimate_objects(meshes, {1: 0.9, 2: 0.8}, placed))
-    assert surer.placed is not None
+    before = estimate_objects(meshes, {1: 0.9, 2: 0.8}, placed)
+    before = tuple(replace(item, cues={"hull": float(item.id)}) for item in before)
+    surer, other = exclusive(before)
+    assert surer is before[0]
     assert other.placed is None
-    assert other.confidence == 0.8
+    assert (other.id, other.confidence, other.cues) == (2, 0.8, {"hull": 2.0})
 
 
 def test_an_object_stays_in_one_piece():
