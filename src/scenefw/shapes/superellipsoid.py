@@ -8,7 +8,7 @@ from scipy.special import beta
 
 from scenefw.core.errors import InputError
 from scenefw.core.types import TriangleMesh
-from scenefw.shapes.superquadric import cube_lattice
+from scenefw.shapes.superquadric import cube_lattice, mesh_resolution
 
 Array = NDArray[np.float64]
 
@@ -63,9 +63,13 @@ class Superellipsoid:
         betas = beta(e1 / 2 + 1, e1) * beta(e2 / 2, e2 / 2)
         return float(2 * self.half_axes.prod() * e1 * e2 * betas)
 
-    def mesh(self, resolution: int = 32) -> TriangleMesh:
-        """Watertight surface with 6 x resolution^2 quads, vertices exactly on the shape."""
-        lattice, faces = cube_lattice(resolution)
+    def mesh(self, resolution: int | None = None) -> TriangleMesh:
+        """Watertight surface with 6 x resolution^2 quads, vertices exactly on the shape.
+
+        Args:
+            resolution: quads along an edge of the cube; None: `mesh_resolution`.
+        """
+        lattice, faces = cube_lattice(resolution or mesh_resolution(self.half_axes))
         points = lattice * self.half_axes
         scale = self.value(points) ** (-self.e1 / 2)  # eq. 5.4 is homogeneous of degree 2/e1
         return TriangleMesh(points * scale[:, None], faces)

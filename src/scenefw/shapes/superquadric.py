@@ -1,5 +1,6 @@
 """Superquadrics |x/a1|^r + |y/a2|^s + |z/a3|^t = 1 (thesis eq. 5.1), convex for exponents >= 1."""
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -11,6 +12,9 @@ from scenefw.core.errors import InputError
 from scenefw.core.types import TriangleMesh
 
 Array = NDArray[np.float64]
+
+MAX_SAGITTA = 5e-5
+"""m: how far the faces of a ball's mesh lie inside the ball; the lips of suction cups give 3e-3."""
 
 _TINY = 1e-9
 
@@ -94,9 +98,13 @@ class Superquadric:
         slope = np.linalg.norm(weights / weights.sum(axis=-1, keepdims=True) / p, axis=-1)
         return (1 - shrunk) / slope
 
-    def mesh(self, resolution: int = 32) -> TriangleMesh:
-        """Watertight surface with 6 x resolution^2 quads, vertices exactly on the superquadric."""
-        lattice, faces = cube_lattice(resolution)
+    def mesh(self, resolution: int | None = None) -> TriangleMesh:
+        """Watertight surface with 6 x resolution^2 quads, vertices exactly on the superquadric.
+
+        Args:
+            resolution: quads along an edge of the cube; None: `mesh_resolution`.
+        """
+        lattice, faces = cube_lattice(resolution or mesh_resolution(self.half_axes))
         return TriangleMesh(self.project(lattice * self.half_axes), faces)
 
 
@@ -143,7 +151,13 @@ def _unit_sum(slopes: Array, offsets: Array) -> Array:
     return np.moveaxis(r * (s + b), 0, -1)
 
 
-@lru_cache(maxsize=8)
+def mesh_resolution(half_axes: Array) -> int:
+    """Quads along an edge that keep a ball as large as a shape to `MAX_SAGITTA`."""
+    radius = max(float(half_axes.max()), MAX_SAGITTA)
+    return math.ceil(math.pi / 4 / math.acos(1 - MAX_SAGITTA / radius))
+
+
+@lru_cache(maxsize=64)
 def cube_lattice(resolution: int) -> tuple[Array, NDArray[np.int64]]:
     """Vertices (V, 3) on the cube [-1, 1]^3 and faces (F, 3), closed and outward.
 

@@ -92,6 +92,7 @@ class SceneAssembly:
             first = scenes[0].instances[0].cpu().numpy()
             scenes = scenes[:1] + [numbered_like(scene, first) for scene in scenes[1:]]
         frame = view.frame if view.workspace is None else view.workspace.frame
+        points = world_points(frame)
         obstacles = obstacles_of([view])
         colour = None if view.image is None else view.image.colour
         gradient = None if colour is None else colour_gradient(colour)
@@ -101,7 +102,7 @@ class SceneAssembly:
             ]
             agreement = agreements(scene.instances[0], alternatives)
             estimate = scene_estimate(
-                scene, view.grid, frame, agreement, _details(view, origin), solids[number]
+                scene, view.grid, frame, agreement, _details(view, origin), solids[number], points
             )
             if self.carve:
                 estimate = plausible(estimate, view)
@@ -279,6 +280,7 @@ def scene_estimate(
     confidence_of_label: Mapping[int, float],
     details: Mapping[str, Any],
     solids: Mapping[int, TriangleMesh] | None = None,
+    points: Float64 | None = None,
 ) -> SceneEstimate:
     """The estimate of a completed scene.
 
@@ -289,6 +291,7 @@ def scene_estimate(
         confidence_of_label: confidence of each object, by label.
         details: facts worth keeping.
         solids: meshes, by label, of objects that voxels may be too coarse for.
+        points: (H, W, 3) of the frame in the world (m); None: they are computed.
     """
     tsdf, instances = sample.tsdf[0], sample.instances[0]
     placed = sample.placed[0] if sample.placed else {}
@@ -306,17 +309,16 @@ def scene_estimate(
         frame,
         {"grid": asdict(grid), **details},
         {n: v[0].cpu().numpy() for n, v in sample.volumes.items() if n not in _SHAPE_VOLUMES},
-        _masks(sample, grid, frame),
+        _masks(sample, grid, world_points(frame) if points is None else points),
     )
 
 
-def _masks(sample: Completion, grid: GridSpec, frame: Frame) -> Int32:
+def _masks(sample: Completion, grid: GridSpec, points: Float64) -> Int32:
     """Which object each pixel shows: as the method says, else by the volume at its point.
 
     Where a method knows pixels, volumes give it no further ones: beside objects, pixels of blurred
     edges lie near them, too. But holes in objects are filled.
     """
-    points = world_points(frame)
     if sample.masks is not None:
         return without_holes(sample.masks[0].cpu().numpy(), points[..., 2])
     instances = sample.instances[0].cpu().numpy()

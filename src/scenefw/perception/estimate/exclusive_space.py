@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from scenefw.core.types import TriangleMesh
+from scenefw.core.weak_cache import cached_by_identity
 from scenefw.perception.estimate.contacts import Overlap, overlaps
 from scenefw.perception.estimate.objects import estimate_objects
 
@@ -56,6 +57,7 @@ def exclusive(objects: Sequence[ObjectEstimate]) -> tuple[ObjectEstimate, ...]:
     return tuple(changed.get(item.id, item) for item in objects)
 
 
+@cached_by_identity
 def _solid(mesh: TriangleMesh) -> Manifold:
     """As the library has it (github.com/elalish/manifold); empty if the surface is not closed."""
     from manifold3d import Manifold, Mesh64
