@@ -85,9 +85,9 @@ def test_what_has_another_name_or_none_is_one_line_and_status_2(scenefw, tmp_pat
             "run.pipeline.observer.doctor.min_distance",
         ),
         (
-            "run.pipeline.workspace.least_height",
-            "observer.workspace.min_height",
-            "run.pipeline.observer.workspace.min_height",
+            "run.pipeline.workspace.min_pixels",
+            "observer.workspace.min_pixels",
+            "run.pipeline.observer.workspace.min_pixels",
         ),
         ("run.pipeline.mapping.truncation", "mapping.truncation", "mapping.truncation"),
         ("run.pipeline.floor", "floor", "run.pipeline.observer.table"),

@@ -40,6 +40,7 @@ _FITS = "evaluation=draws, which has the methods that are better"
 _ALONE = "nothing: there is no other, and its settings are typed as grid.extent=2 is"
 _FIXED = "nothing: other values were no better"
 _FLOOR = "segmentation.floor_margin; the floor's noise adds three standard deviations"
+_LOW = "tolerances.floor_margin, where the floor's errors don't reach higher"
 _GROUPED = "nothing: with the network that ships, pixels stay with their segments"
 _BASINS = "segmentation.min_basin_depth, higher for fewer regions"
 _MERGED = "segmentation.merging.intercept, higher for fewer segments"
@@ -109,6 +110,13 @@ DELETED: Mapping[str, str] = {
     "dataset=scattered_v1": "dataset=stacks_v1 dataset.path=scattered_v1",
     "dataset=stacks_and_scattered_v1": "dataset=stacks_v1 'dataset.path=[stacks_v1,scattered_v1]'",
     "segmentation.floor_sigmas": _FLOOR,
+    "segmentation.min_height": _LOW,
+    "segmentation.min_height_sigmas": _LOW,
+    "segmentation.lowest": _LOW,
+    "segmentation.noisy": _LOW,
+    "tolerances.min_height": _LOW,
+    "observer.workspace.min_height": _LOW,
+    "hollow.min_height": "hollow.min_depth",
     "segmentation.waves": _FLOOR,
     "segmentation.colours": _COLOURS,
     "segmentation.colours.neutral": _COLOURS,
@@ -174,8 +182,6 @@ KEYS: Mapping[str, str] = {
     "segmentation.pixel": "segmentation.min_pixel_probability",
     "segmentation.margin": "segmentation.floor_margin",
     "segmentation.smallest": "segmentation.min_pixels",
-    "segmentation.lowest": "segmentation.min_height",
-    "segmentation.noisy": "segmentation.min_height_sigmas",
     "segmentation.crease_segmentation": "segmentation.merging.creases",
     "segmentation.plain": "segmentation.merging.creases",
     "parts.plain": "segmentation.merging.creases",
@@ -188,7 +194,6 @@ KEYS: Mapping[str, str] = {
     "ranking.near": "tolerances.inlier_distance",
     "ranking.inlier_distance": "tolerances.inlier_distance",
     "ranking.furthest": "ranking.max_displacement",
-    "observer.workspace.least_height": "observer.workspace.min_height",
     "observer.doctor.nearest": "observer.doctor.min_distance",
     "observer.doctor.farthest": "observer.doctor.max_distance",
     "observer.doctor.smallest": "observer.doctor.min_size",
@@ -203,8 +208,6 @@ KEYS: Mapping[str, str] = {
     "parts.pixel": "segmentation.min_pixel_probability",
     "parts.margin": "segmentation.floor_margin",
     "parts.smallest": "segmentation.min_pixels",
-    "parts.lowest": "segmentation.min_height",
-    "parts.noisy": "segmentation.min_height_sigmas",
     "fit.inner": "fit.single",
     "run.pipeline.reconstructor": "reconstructor",
     "run.pipeline.samples": "reconstructor.samples",
@@ -232,7 +235,6 @@ KEYS: Mapping[str, str] = {
     "reconstructor.calibration": "reconstructor.assembly.calibration",
     "reconstructor.near": "tolerances.inlier_distance",
     "reconstructor.explained": "tolerances.min_inlier_ratio",
-    "reconstructor.lowest": "tolerances.min_height",
     "evaluation.methods.scenefw": "evaluation.methods.set_network",
     "evaluation.parts.of_six.methods.scenefw": "evaluation.parts.of_six.methods.set_network",
     "evaluation.parts.of_four_to_eight.methods.scenefw": (

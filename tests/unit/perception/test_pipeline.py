@@ -198,6 +198,22 @@ def test_the_pipeline_that_ships_finds_sixteen_objects():
         np.testing.assert_allclose(np.sort(item.extents), 0.06, atol=0.012)
 
 
+@pytest.mark.parametrize("size", [(320, 240), (640, 480)])
+@pytest.mark.parametrize("noise", [0.0, 0.0005])
+def test_the_pipeline_that_ships_finds_a_phone(size, noise):
+    phone = Box((0.18, -0.1, 0.0), (0.26, 0.05, 0.009))
+    frame = frame_of(camera_at(size=size), (*STACK, phone), noise=noise)
+    estimate = _shipped().estimate(frame)
+    pixels = frame.labels == 3
+    label = np.bincount(estimate.masks[pixels]).argmax()
+    found = estimate.masks == label
+    assert label > 0
+    assert (found & pixels).sum() > 0.8 * (found | pixels).sum()
+    (item,) = (item for item in estimate.objects if item.id == label)
+    np.testing.assert_allclose(np.sort(item.extents), (0.009, 0.08, 0.15), atol=0.02)
+    assert item.extents.min() < 0.014
+
+
 @pytest.mark.parametrize("side", ["left", "lower"])
 def test_the_pipeline_that_ships_makes_do_with_half_an_image(side):
     """What half an image shows is found; objects of which nothing is left are not made up."""

@@ -9,7 +9,6 @@ TOLERANCES = Tolerances(
     point_sigma=0.003,
     outside_sigma=0.004,
     floor_margin=0.005,
-    min_height=0.015,
     min_pixels=60,
     inlier_distance=0.006,
     min_inlier_ratio=0.75,

@@ -9,6 +9,7 @@ import numpy as np
 
 from scenefw.perception.completion.superquadrics import accepted
 from scenefw.perception.completion.support import extend_to_support
+from scenefw.perception.observation.floor_noise import MAX_FLOOR_HEIGHT
 from scenefw.shapes.superquadric import support_points
 
 if TYPE_CHECKING:
@@ -50,12 +51,11 @@ class ViewsCompletion:
 
     def _above_floor(self, hypothesis: ObjectSet, view: Views) -> ObjectSet:
         """The hypothesis without objects that are noise of the floor."""
-        min_height = self.tolerances.min_height
         shape_of_label = {
-            k: _out_of_floor(shape, view, min_height)
+            k: _out_of_floor(shape, view, MAX_FLOOR_HEIGHT)
             for k, shape in (hypothesis.superquadrics or {}).items()
         }
-        sunk = [k for k, shape in shape_of_label.items() if _is_sunk(shape, min_height)]
+        sunk = [k for k, shape in shape_of_label.items() if _is_sunk(shape, MAX_FLOOR_HEIGHT)]
         objects = hypothesis.objects
         if objects.instances is not None:
             instances = np.where(np.isin(objects.instances, sunk), 0, objects.instances)

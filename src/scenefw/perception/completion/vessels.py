@@ -56,7 +56,6 @@ class Vessels:
         min_gain: by how much more than a superquadric.
         min_depth: by how much these lie below its rim (m).
         min_width_ratio: share of its diameter over which points must lie.
-        min_height: height that it must have (m).
         min_points: points that an object must have.
 
     Raises:
@@ -72,7 +71,6 @@ class Vessels:
         min_gain: float = 0.05,
         min_depth: float = 0.008,
         min_width_ratio: float = 0.75,
-        min_height: float = 0.015,
         min_points: int = 100,
     ) -> None:
         SHARE.require(
@@ -80,7 +78,7 @@ class Vessels:
             min_width_ratio=min_width_ratio,
         )
         at_least(10).require(points=points, min_points=min_points)
-        NOT_NEGATIVE.require(edge_pixels=edge_pixels, min_depth=min_depth, min_height=min_height)
+        NOT_NEGATIVE.require(edge_pixels=edge_pixels, min_depth=min_depth)
         self.fit, self.tolerances, self.points, self.edge_pixels = (
             fit,
             tolerances,
@@ -89,7 +87,7 @@ class Vessels:
         )
         self.min_gain = min_gain
         self.min_depth, self.min_points = min_depth, min_points
-        self.min_width_ratio, self.min_height = min_width_ratio, min_height
+        self.min_width_ratio = min_width_ratio
 
     def replace(self, sets: Sequence[ObjectSet], view: View) -> list[ObjectSet]:
         """Hypotheses in which objects that the view looks into are vessels, the same in all."""
@@ -230,7 +228,7 @@ class Vessels:
         interior = vessel.inside & (points[:, 2] < rim - self.min_depth)
         visible_width = np.ptp(points[:, :2], axis=0).max()
         narrow = visible_width < self.min_width_ratio * 2 * vessel.shape.radius
-        if interior.mean() < MINORITY or narrow or vessel.shape.height < self.min_height:
+        if interior.mean() < MINORITY or narrow:
             return False
         corners = vessel.shape.mesh().vertices + vessel.pose.position
         voxels, inside = grid.nearest_voxels(corners)

@@ -20,6 +20,7 @@ from scenefw.perception.estimate.plausibility import objects_with, plausible
 from scenefw.perception.estimate.shape_cues import shape_cues
 from scenefw.perception.evidence.visible_instances import visible_instances
 from scenefw.perception.observation.components import DETAIL, EDGE
+from scenefw.perception.observation.doctor import NO_OBJECTS
 from scenefw.perception.observation.image_turns import turned, turned_pixels
 from scenefw.perception.observation.points import world_points
 from scenefw.perception.observation.surface_mesh import obstacles_of
@@ -104,6 +105,8 @@ class SceneAssembly:
             estimate = scene_estimate(
                 scene, view.grid, frame, agreement, _details(view, origin), solids[number], points
             )
+            if not estimate.objects and view.workspace is not None:
+                estimate = _warned(estimate, NO_OBJECTS.line)
             if self.carve:
                 estimate = plausible(estimate, view)
             if number == 0 and meshes:
@@ -243,6 +246,14 @@ def _details(view: Observation, origin: Mapping[str, Any]) -> dict[str, Any]:
         }
     }  # fmt: skip
     return {**floor_details, **origin, "warnings": list(view.warnings)}
+
+
+def _warned(estimate: SceneEstimate, line: str) -> SceneEstimate:
+    """The scene with a warning, unless it has that."""
+    warnings = estimate.details["warnings"]
+    if line in warnings:
+        return estimate
+    return replace(estimate, details={**estimate.details, "warnings": [*warnings, line]})
 
 
 def cleaned(

@@ -24,7 +24,6 @@ class Tolerances:
         point_sigma: standard deviation of measured points from a surface (m).
         outside_sigma: how deep a place outside may lie in an object (m).
         floor_margin: points up to this height above the floor may be the floor's (m).
-        min_height: above the floor that an object must reach (m).
         min_pixels: of an image 640 wide, that a segment must have.
         inlier_distance: visible points up to this far from a surface lie on it (m).
         min_inlier_ratio: of an object's visible points that its shape must explain.
@@ -37,7 +36,6 @@ class Tolerances:
     point_sigma: float
     outside_sigma: float
     floor_margin: float
-    min_height: float
     min_pixels: float
     inlier_distance: float
     min_inlier_ratio: float
@@ -46,7 +44,7 @@ class Tolerances:
     def __post_init__(self) -> None:
         POSITIVE.require(inlier_distance=self.inlier_distance, point_sigma=self.point_sigma)
         POSITIVE.require(outside_sigma=self.outside_sigma)
-        NOT_NEGATIVE.require(floor_margin=self.floor_margin, min_height=self.min_height)
+        NOT_NEGATIVE.require(floor_margin=self.floor_margin)
         NOT_NEGATIVE.require(min_pixels=self.min_pixels)
         SHARE.require(min_inlier_ratio=self.min_inlier_ratio, max_free_ratio=self.max_free_ratio)
 

@@ -58,6 +58,14 @@ class Check:
         return cls(name, GOOD, found) if is_good else cls(name, ODD, found, fix)
 
 
+NO_OBJECTS = Check(
+    "objects",
+    ODD,
+    "nothing stands on the floor, or only what is flat",
+    "check that objects are in view and that the depth scale is right",
+)
+
+
 @dataclass(frozen=True, eq=False)
 class Doctor:
     """Checks units, intrinsics, floor and scale; errors stop, warnings go with the result.
@@ -114,7 +122,7 @@ class Doctor:
     def examine_workspaces(self, workspaces: Sequence[Workspace]) -> list[str]:
         """Warnings about what doesn't fit into the cube of several views, or that it is empty."""
         if not any(workspace.objects.any() for workspace in workspaces):
-            return _warnings([_no_objects()])
+            return _warnings([NO_OBJECTS])
         others = [check for workspace in workspaces for check in _check_others(workspace)]
         return _warnings([_check_left_out(workspaces[0]), *others])
 
@@ -177,7 +185,7 @@ class Doctor:
     def check_workspace(self, workspace: Workspace) -> list[Check]:
         """Distance and size of the objects, and what is left out; or that there are none."""
         if not workspace.objects.any():
-            return [_no_objects(), *_check_others(workspace)]
+            return [NO_OBJECTS, *_check_others(workspace)]
         eye = workspace.frame.camera.T_world_camera[:3, 3]
         distance = float(np.linalg.norm(eye - (0, 0, workspace.size[2] / 2)))
         limits = f"{self.min_distance:g} to {self.max_distance:g} m"
@@ -299,11 +307,6 @@ def _check_lower_surface(workspace: Workspace) -> list[Check]:
         return []
     finding = f"another surface lies {100 * depth:.0f} cm lower, and what stands on it is left out"
     return [Check("lower", ODD, finding, "take a picture of it alone")]
-
-
-def _no_objects() -> Check:
-    fix = "check that objects are in view and that the depth scale is right"
-    return Check("objects", ODD, "nothing stands on the floor, or only what is flat", fix)
 
 
 def _check_left_out(workspace: Workspace) -> Check:

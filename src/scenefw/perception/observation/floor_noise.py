@@ -15,6 +15,7 @@ from scenefw.perception.observation.points import MIN_POINTS, MINORITY
 if TYPE_CHECKING:
     from scenefw.core.types import Float32, Float64
 
+_REACH = 7.0  # standard deviations: waves of correlated errors are as high as flat things
 _MIN_CORRELATION = 0.92  # stereo matching has 0.95 to 0.99, structured light at most 0.9
 MAX_FLOOR_HEIGHT = 0.015
 """m above and below the floor: what is farther away isn't the floor."""
@@ -49,6 +50,10 @@ class FloorNoise:
     def at(self, depth: Float32) -> Float64:
         """Standard deviations (m) of heights at depths (m)."""
         return np.asarray(self.sigma * depth.astype(np.float64) ** 2)
+
+    def reach(self, depth: Float32) -> Float64:
+        """Heights (m) up to which errors of the floor's depth may lift it, at depths (m)."""
+        return _REACH * self.at(depth)
 
 
 def has_correlated_noise(heights: Float64) -> bool:

@@ -23,7 +23,7 @@ _RASTER = FloorRaster()
 
 
 def standing_pixels(
-    depth: Float32, points: Float64, raised: Mask, min_height: float, min_pixels: float
+    depth: Float32, points: Float64, raised: Mask, min_height: float | Float64, min_pixels: float
 ) -> Mask:
     """Pixels (H, W) of things that stand on the floor z = 0, or on what stands there.
 
@@ -36,7 +36,7 @@ def standing_pixels(
         depth: (H, W) metres.
         points: (H, W, 3) of the pixels (m), NaN = no depth.
         raised: (H, W) pixels of what may be things.
-        min_height: what is lower is the floor (m).
+        min_height: what is lower is the floor (m), of all pixels or each.
         min_pixels: of a component that says where the floor goes on.
     """
     height = points[..., 2]

@@ -15,7 +15,12 @@ from scenefw.core.settings import COUNT, POSITIVE
 from scenefw.core.types import Float32, Frame, GridSpec
 from scenefw.fitting.placed import OUTLIERS
 from scenefw.perception.observation.flat_things import flat_things
-from scenefw.perception.observation.floor_noise import ROUNDING, floor_sigma
+from scenefw.perception.observation.floor_noise import (
+    MAX_FLOOR_HEIGHT,
+    ROUNDING,
+    FloorNoise,
+    floor_sigma,
+)
 from scenefw.perception.observation.image_turns import turned, turned_pixels
 from scenefw.perception.observation.object_groups import (
     fitting_groups,
@@ -24,7 +29,7 @@ from scenefw.perception.observation.object_groups import (
 )
 from scenefw.perception.observation.obstacles import ObstacleFinding, ObstacleRegion, union
 from scenefw.perception.observation.pixels import WIDTH
-from scenefw.perception.observation.points import world_points
+from scenefw.perception.observation.points import MAJORITY, world_points
 from scenefw.perception.observation.raster import FloorRaster
 from scenefw.perception.observation.support import standing_pixels
 
@@ -83,6 +88,7 @@ class _Surfaces:
 
     frame: Frame
     points: Array
+    min_height: Array
     raised: Mask
     on_floor: Mask
     objects: Mask
@@ -110,8 +116,8 @@ class WorkspaceFinder:
 
     Args:
         obstacles: finds what is no object.
-        min_height: lower points belong to the floor (m).
-        floor_margin: no thing is as low (m).
+        floor_margin: no thing is as low (m). Nor is what the floor's errors reach, up to
+            `MAX_FLOOR_HEIGHT`.
         min_pixels: of a thing, in an image 640 wide.
 
     Raises:
@@ -119,12 +125,11 @@ class WorkspaceFinder:
     """
 
     obstacles: ObstacleFinding
-    min_height: float = 0.015
     floor_margin: float = 0.005
     min_pixels: float = 60
 
     def __post_init__(self) -> None:
-        POSITIVE.require(min_height=self.min_height, floor_margin=self.floor_margin)
+        POSITIVE.require(floor_margin=self.floor_margin)
         COUNT.require(min_pixels=self.min_pixels)
 
     def find(
@@ -192,24 +197,31 @@ class WorkspaceFinder:
     def _surfaces(self, frame: Frame, region: Mask | None) -> _Surfaces:
         """What the pixels of a posed frame show; of a known region, only objects are in it."""
         points = world_points(frame)
-        raised = points[..., 2] > self.min_height  # NaN where no depth: not raised
-        on_floor = np.abs(points[..., 2]) < self.min_height
+        heights = points[..., 2]
+        noise = FloorNoise.of(heights, frame.depth)
+        min_height = np.clip(noise.reach(frame.depth), self.floor_margin, MAX_FLOOR_HEIGHT)
+        raised = heights > min_height  # NaN where no depth: not raised
+        on_floor = np.abs(heights) < min_height
         if region is not None:
             objects = raised & region
-            if not objects.any():
-                objects = _flat_pixels(points[..., 2], frame.depth, region)
-            return _Surfaces(frame, points, raised, on_floor, objects)
-        obstacles = self.obstacles.find(frame, points, raised, on_floor)
+            if not (heights[region] > MAX_FLOOR_HEIGHT).any():
+                objects = _flat_pixels(heights, frame.depth, region)
+            return _Surfaces(frame, points, min_height, raised, on_floor, objects)
+        obstacles = tuple(self.obstacles.find(frame, points, raised, on_floor))
         things = raised & ~union(obstacles, raised.shape)
-        flat = tuple(flat_things(points[..., 2], frame.depth, self.min_height, self.floor_margin))
         min_pixels = self.min_pixels * (frame.depth.shape[1] / WIDTH) ** 2
-        objects = standing_pixels(frame.depth, points, things, self.min_height, min_pixels)
-        return _Surfaces(frame, points, raised, on_floor, objects, tuple(obstacles), flat)
+        objects = standing_pixels(frame.depth, points, things, min_height, min_pixels)
+        flat = tuple(
+            pixels
+            for pixels in flat_things(heights, frame.depth, self.floor_margin)
+            if objects[pixels].mean() < MAJORITY
+        )
+        return _Surfaces(frame, points, min_height, raised, on_floor, objects, obstacles, flat)
 
     def _nothing(self, frames: Sequence[Frame], top: float, region: Mask | None) -> InputError:
         return InputError(
             f"nothing stands on the floor of {_names(frames)}: no surface from "
-            f"{self.min_height * 100:g} cm to {top * 100:.0f} cm above it; check that "
+            f"{self.floor_margin * 100:g} cm to {top * 100:.0f} cm above it; check that "
             f"objects are in view{'' if region is None else ', that the mask covers them'} and "
             "that the depth scale is right"
         )
@@ -258,7 +270,7 @@ class WorkspaceFinder:
         camera_height = frame.camera.T_world_camera[2, 3]
         with np.errstate(invalid="ignore"):
             floor_depth = frame.depth * camera_height / (camera_height - height)
-        depth = np.where(height < -self.min_height, floor_depth, frame.depth)
+        depth = np.where(height < -surfaces.min_height, floor_depth, frame.depth)
         return np.where(surfaces.surroundings, 0, depth).astype(np.float32)
 
 

@@ -47,7 +47,7 @@ class EvidenceRanking:
         """The scenes of one image with their evidence: the first, then what explains it best."""
         if not scenes:
             return []
-        measurement = _measure(scenes[0].frame, scenes[0].grid, self.tolerances.min_height)
+        measurement = _measure(scenes[0].frame, scenes[0].grid, self.tolerances.floor_margin)
         candidates = [
             self._with_evidence(scene, number, measurement)
             for number, scene in enumerate(scenes, start=1)

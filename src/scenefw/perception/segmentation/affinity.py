@@ -52,12 +52,9 @@ class AffinitySegmentation:
             belong to the floor, and the network's odds count times those by which the floor,
             normally distributed, doesn't reach the pixel's height.
         floor_margin: points up to this height above the floor (m) belong to it where depth is
-            exact, or nothing else says which pixels show objects.
+            exact, or nothing else says which pixels show objects. Parts that rise no higher are
+            noise of the floor, and so are those within the reach of its errors.
         min_pixels: parts of fewer pixels (of an image 640 wide) are dropped.
-        min_height: parts that rise no higher above the floor (m) are noise of it.
-        min_height_sigmas: where the floor waves, so are parts that rise no higher than so many
-            standard deviations of its heights at the same depth. Waves look like flat things to the
-            network; errors that are independent from pixel to pixel don't.
         merging: which regions are joined; None: none.
 
     Raises:
@@ -69,21 +66,18 @@ class AffinitySegmentation:
     min_pixel_probability: float = 0.9
     floor_margin: float = 0.005
     min_pixels: float = 60.0
-    min_height: float = 0.012
-    min_height_sigmas: float = 7.0
     merging: RegionMerging | None = field(default_factory=RegionMerging)
 
     def __post_init__(self) -> None:
         POSITIVE.require(min_basin_depth=self.min_basin_depth)
         below(1).require(min_pixel_probability=self.min_pixel_probability)
-        NOT_NEGATIVE.require(floor_margin=self.floor_margin, min_height=self.min_height)
-        NOT_NEGATIVE.require(min_height_sigmas=self.min_height_sigmas)
+        NOT_NEGATIVE.require(floor_margin=self.floor_margin)
         COUNT.require(min_pixels=self.min_pixels)
 
     def segment(self, view: Observation) -> Int32:
         """Parts (H, W), 0 = none, of a depth image."""
         frame, heights = view.frame, view.heights
-        noise, smooth = view.noise.at(view.depth), view.noise.is_correlated
+        noise = view.noise
         probabilities = pixel_probabilities(self.checkpoint.model, frame)
         step = probabilities.step
         across, down = log_odds(probabilities.across), log_odds(probabilities.down)
@@ -91,13 +85,14 @@ class AffinitySegmentation:
         rows, columns = (np.arange(size) // step for size in frame.depth.shape)
         thinned_pixels = np.ix_(rows, columns)
         objects = probabilities.objects if self.min_pixel_probability else None
-        if objects is None or view.noise.sigma <= ROUNDING:
+        if objects is None or noise.sigma <= ROUNDING:
             above = heights > self.floor_margin  # NaN where no depth: not above
         else:
             odds, above = logit(objects)[thinned_pixels], np.isfinite(heights)
-            if not smooth:
-                above &= heights > OUTLIERS * noise
-                odds = odds + (heights / np.maximum(noise, ROUNDING)) ** 2 / 2
+            if not noise.is_correlated:
+                sigma = noise.at(view.depth)
+                above &= heights > OUTLIERS * sigma
+                odds = odds + (heights / np.maximum(sigma, ROUNDING)) ** 2 / 2
             above &= odds > logit(self.min_pixel_probability)
         regions = self._regions(across, down, above[::step, ::step])
         merged_regions = regions.astype(np.int64)
@@ -112,8 +107,8 @@ class AffinitySegmentation:
             above &= ~is_unlikely[thinned_pixels]
         same_depth = np.abs(frame.depth - depth[thinned_pixels]) < TOUCH
         parts = np.where(above & same_depth, parts[thinned_pixels], 0).astype(np.int32)
-        min_height = np.maximum(self.min_height, self.min_height_sigmas * noise if smooth else 0.0)
-        return high_parts(grown(parts, above, frame.depth, EDGE), heights, min_height)
+        parts = grown(parts, above, frame.depth, EDGE)
+        return high_parts(parts, heights, np.maximum(self.floor_margin, noise.reach(view.depth)))
 
     def _regions(
         self, across: Float64, down: Float64, above: NDArray[np.bool_]

@@ -45,8 +45,8 @@ def test_a_shape_in_free_space_is_none(resolution, end):
         {"min_inlier_ratio": 1.5},
         {"max_free_ratio": -0.1},
         {"point_sigma": 0.0},
+        {"floor_margin": -0.01},
         {"outside_sigma": 0.0},
-        {"min_height": -0.01},
     ],
 )
 def test_wrong_numbers_are_refused(wrong):

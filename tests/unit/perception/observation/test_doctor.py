@@ -158,7 +158,7 @@ def test_every_check_that_is_not_good_says_what_helps(frame):
         (lambda: FloorFinder(inlier_distance=-0.01), "inlier_distance"),
         (lambda: FloorFinder(iterations=0), "iterations"),
         (lambda: FloorFinder(min_inlier_ratio=1.5), "min_inlier_ratio"),
-        (lambda: WorkspaceFinder(OBSTACLES, min_height=-1), "min_height"),
+        (lambda: WorkspaceFinder(OBSTACLES, floor_margin=-1), "floor_margin"),
         (lambda: WorkspaceFinder(OBSTACLES, min_pixels=0), "min_pixels"),
     ],
 )

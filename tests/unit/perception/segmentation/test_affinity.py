@@ -151,7 +151,6 @@ def test_a_few_likely_pixels_do_not_join_two_objects(seen, inside, gap):
         {"min_pixel_probability": 1.0},
         {"floor_margin": -0.1},
         {"min_pixels": 0},
-        {"min_height": -1.0},
     ],
 )
 def test_bad_settings(seen, wrong):
