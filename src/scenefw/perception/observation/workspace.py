@@ -198,13 +198,15 @@ class WorkspaceFinder:
         """What the pixels of a posed frame show; of a known region, only objects are in it."""
         points = world_points(frame)
         heights = points[..., 2]
-        noise = FloorNoise.of(heights, frame.depth)
-        min_height = np.clip(noise.reach(frame.depth), self.floor_margin, MAX_FLOOR_HEIGHT)
+        min_height = np.full(heights.shape, MAX_FLOOR_HEIGHT)
+        if region is None:  # who marks objects marks some of the floor, too
+            reach = FloorNoise.of(heights, frame.depth).reach(frame.depth)
+            min_height = np.clip(reach, self.floor_margin, MAX_FLOOR_HEIGHT)
         raised = heights > min_height  # NaN where no depth: not raised
         on_floor = np.abs(heights) < min_height
         if region is not None:
             objects = raised & region
-            if not (heights[region] > MAX_FLOOR_HEIGHT).any():
+            if not objects.any():
                 objects = _flat_pixels(heights, frame.depth, region)
             return _Surfaces(frame, points, min_height, raised, on_floor, objects)
         obstacles = tuple(self.obstacles.find(frame, points, raised, on_floor))
