@@ -20,7 +20,7 @@ from scenefw.perception.estimate.plausibility import objects_with, plausible
 from scenefw.perception.estimate.shape_cues import shape_cues
 from scenefw.perception.evidence.visible_instances import visible_instances
 from scenefw.perception.observation.components import DETAIL, EDGE
-from scenefw.perception.observation.doctor import NO_OBJECTS
+from scenefw.perception.observation.doctor import GOOD, check_masks
 from scenefw.perception.observation.image_turns import turned, turned_pixels
 from scenefw.perception.observation.points import world_points
 from scenefw.perception.observation.surface_mesh import obstacles_of
@@ -105,8 +105,6 @@ class SceneAssembly:
             estimate = scene_estimate(
                 scene, view.grid, frame, agreement, _details(view, origin), solids[number], points
             )
-            if not estimate.objects and view.workspace is not None:
-                estimate = _warned(estimate, NO_OBJECTS.line)
             if self.carve:
                 estimate = plausible(estimate, view)
             if number == 0 and meshes:
@@ -120,7 +118,7 @@ class SceneAssembly:
             if gradient is not None and view.masks is None:  # who marks objects knows their ends
                 estimate = _with_unmeasured_pixels(estimate, view, gradient)
             estimate = replace(estimate, obstacles=obstacles)
-            estimate = _turned_back(estimate, view.turns)
+            estimate = _turned_back(_checked(estimate, view), view.turns)
             yield called(estimate, view.ids) if marks else estimate
 
     def alternatives(
@@ -248,12 +246,20 @@ def _details(view: Observation, origin: Mapping[str, Any]) -> dict[str, Any]:
     return {**floor_details, **origin, "warnings": list(view.warnings)}
 
 
-def _warned(estimate: SceneEstimate, line: str) -> SceneEstimate:
-    """The scene with a warning, unless it has that."""
-    warnings = estimate.details["warnings"]
-    if line in warnings:
+def _checked(estimate: SceneEstimate, view: Observation) -> SceneEstimate:
+    """The scene with a warning if much of what stands in an image without marks is no object."""
+    space, masks = view.workspace, estimate.masks
+    if space is None or masks is None or view.masks is not None:
         return estimate
-    return replace(estimate, details={**estimate.details, "warnings": [*warnings, line]})
+    check = check_masks(
+        turned_pixels(masks, -view.turns),
+        turned_pixels(space.objects, -view.turns),
+        turned_pixels(space.frame.depth, -view.turns),
+    )
+    warnings = estimate.details["warnings"]
+    if check.verdict == GOOD or check.line in warnings:
+        return estimate
+    return replace(estimate, details={**estimate.details, "warnings": [*warnings, check.line]})
 
 
 def cleaned(
