@@ -8,6 +8,7 @@ from tests.unit.perception.synthetic import STACK, Box, camera_at, frame_of
 from scenefw.core.errors import InputError
 from scenefw.core.types import GridSpec
 from scenefw.perception.grouping.relabelling import ObjectGrouping
+from scenefw.perception.observation.floor_noise import MAX_FLOOR_HEIGHT
 from scenefw.perception.segmentation.crease_segmentation import CreaseSegmentation
 
 GRID = GridSpec(resolution=32)
@@ -24,7 +25,7 @@ def test_only_the_region_counts():
     assert (scene.workspace.objects & (FRAME.labels == 3)).any()
     assert FRAME.labels[region.workspace.objects].min() == 3
     np.testing.assert_allclose(region.workspace.size[2], 0.1, atol=0.005)
-    raised = (FRAME.labels > 0) & (FRAME.labels < 3) & scene.workspace.objects
+    raised = (FRAME.labels > 0) & (FRAME.labels < 3) & (scene.heights > MAX_FLOOR_HEIGHT)
     assert (region.depth[raised] == 0).all()
     table = FRAME.labels == 0
     np.testing.assert_array_equal(region.depth[table] > 0, scene.depth[table] > 0)
