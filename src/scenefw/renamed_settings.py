@@ -115,6 +115,8 @@ DELETED: Mapping[str, str] = {
     "segmentation.lowest": _LOW,
     "segmentation.noisy": _LOW,
     "tolerances.min_height": _LOW,
+    "reconstructor.lowest": _LOW,
+    "observer.workspace.least_height": _LOW,
     "observer.workspace.min_height": _LOW,
     "hollow.min_height": "hollow.min_depth",
     "segmentation.waves": _FLOOR,

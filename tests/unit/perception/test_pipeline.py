@@ -206,9 +206,9 @@ def test_the_pipeline_that_ships_finds_a_phone(size, noise):
     estimate = _shipped().estimate(frame)
     pixels = frame.labels == 3
     label = np.bincount(estimate.masks[pixels]).argmax()
-    found = estimate.masks == label
+    mask = estimate.masks == label
     assert label > 0
-    assert (found & pixels).sum() > 0.8 * (found | pixels).sum()
+    assert (mask & pixels).sum() > 0.8 * (mask | pixels).sum()
     (item,) = (item for item in estimate.objects if item.id == label)
     np.testing.assert_allclose(np.sort(item.extents), (0.009, 0.08, 0.15), atol=0.02)
     assert item.extents.min() < 0.014

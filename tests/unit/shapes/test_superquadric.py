@@ -9,7 +9,7 @@ from scipy.special import beta
 
 from scenefw.core.errors import InputError
 from scenefw.core.types import Shape
-from scenefw.shapes.superquadric import Superquadric, support_points
+from scenefw.shapes.superquadric import MAX_SAGITTA, Superquadric, support_points
 
 axes = st.lists(st.floats(0.02, 0.2), min_size=3, max_size=3)
 powers = st.lists(st.floats(1.0, 100.0), min_size=3, max_size=3)
@@ -36,6 +36,14 @@ def test_mesh_is_closed_outward_and_on_the_surface(half_axes, exponents):
     assert mesh.volume > 0
     np.testing.assert_allclose(shape.value(mesh.vertices), 1, atol=1e-9)
     np.testing.assert_allclose(mesh.extents / 2, half_axes, rtol=1e-6)
+
+
+@given(st.floats(0.005, 0.5))
+def test_faces_of_a_ball_are_as_near_as_said(radius):
+    mesh = Superquadric([radius] * 3, [2] * 3).mesh()
+    edges = mesh.vertices[mesh.faces] + mesh.vertices[np.roll(mesh.faces, 1, axis=1)]
+    sagitta = radius - np.linalg.norm(edges / 2, axis=-1).min()
+    assert 0.5 * MAX_SAGITTA < sagitta <= MAX_SAGITTA
 
 
 @pytest.mark.parametrize(

@@ -52,10 +52,9 @@ class ViewsCompletion:
     def _above_floor(self, hypothesis: ObjectSet, view: Views) -> ObjectSet:
         """The hypothesis without objects that are noise of the floor."""
         shape_of_label = {
-            k: _out_of_floor(shape, view, MAX_FLOOR_HEIGHT)
-            for k, shape in (hypothesis.superquadrics or {}).items()
+            k: _out_of_floor(shape, view) for k, shape in (hypothesis.superquadrics or {}).items()
         }
-        sunk = [k for k, shape in shape_of_label.items() if _is_sunk(shape, MAX_FLOOR_HEIGHT)]
+        sunk = [k for k, shape in shape_of_label.items() if _is_sunk(shape)]
         objects = hypothesis.objects
         if objects.instances is not None:
             instances = np.where(np.isin(objects.instances, sunk), 0, objects.instances)
@@ -68,20 +67,18 @@ class ViewsCompletion:
         )
 
 
-def _out_of_floor(
-    superquadric: FittedSuperquadric, view: Views, max_depth: float
-) -> FittedSuperquadric:
-    """What reaches farther below the floor (m), as a fit to a shape it isn't may, ends there."""
+def _out_of_floor(superquadric: FittedSuperquadric, view: Views) -> FittedSuperquadric:
+    """What reaches below the floor's noise, as a fit to a shape it isn't may, ends at the floor."""
     return (
         extend_to_support([superquadric], view.free, view.grid)[0]
-        if _heights(superquadric)[0] < -max_depth
+        if _heights(superquadric)[0] < -MAX_FLOOR_HEIGHT
         else superquadric
     )
 
 
-def _is_sunk(superquadric: FittedSuperquadric, min_height: float) -> bool:
-    """Whether more of it is below the floor than above, or it ends lower than this (m)."""
-    return bool(superquadric.pose.position[2] < 0 or _heights(superquadric)[1] < min_height)
+def _is_sunk(superquadric: FittedSuperquadric) -> bool:
+    """Whether more of it is below the floor than above, or all of it in the floor's noise."""
+    return bool(superquadric.pose.position[2] < 0 or _heights(superquadric)[1] < MAX_FLOOR_HEIGHT)
 
 
 def _heights(superquadric: FittedSuperquadric) -> tuple[float, float]:

@@ -13,6 +13,7 @@ from scenefw.matching.instances import renumbered_like
 from scenefw.perception.estimate.carving import carve, whole_objects
 from scenefw.perception.estimate.composition import composed, shell_meshes, with_shells
 from scenefw.perception.estimate.exclusive_space import exclusive
+from scenefw.perception.estimate.lost_objects import lost_objects
 from scenefw.perception.estimate.marked_objects import called, marked_solids
 from scenefw.perception.estimate.mask_cleanup import with_unmeasured_pixels, without_holes
 from scenefw.perception.estimate.objects import estimate_objects
@@ -20,7 +21,6 @@ from scenefw.perception.estimate.plausibility import objects_with, plausible
 from scenefw.perception.estimate.shape_cues import shape_cues
 from scenefw.perception.evidence.visible_instances import visible_instances
 from scenefw.perception.observation.components import DETAIL, EDGE
-from scenefw.perception.observation.doctor import GOOD, check_masks
 from scenefw.perception.observation.image_turns import turned, turned_pixels
 from scenefw.perception.observation.points import world_points
 from scenefw.perception.observation.surface_mesh import obstacles_of
@@ -118,7 +118,9 @@ class SceneAssembly:
             if gradient is not None and view.masks is None:  # who marks objects knows their ends
                 estimate = _with_unmeasured_pixels(estimate, view, gradient)
             estimate = replace(estimate, obstacles=obstacles)
-            estimate = _turned_back(_checked(estimate, view), view.turns)
+            if number == 0:
+                estimate = _with_warning(estimate, view)
+            estimate = _turned_back(estimate, view.turns)
             yield called(estimate, view.ids) if marks else estimate
 
     def alternatives(
@@ -246,20 +248,20 @@ def _details(view: Observation, origin: Mapping[str, Any]) -> dict[str, Any]:
     return {**floor_details, **origin, "warnings": list(view.warnings)}
 
 
-def _checked(estimate: SceneEstimate, view: Observation) -> SceneEstimate:
+def _with_warning(estimate: SceneEstimate, view: Observation) -> SceneEstimate:
     """The scene with a warning if much of what stands in an image without marks is no object."""
     space, masks = view.workspace, estimate.masks
     if space is None or masks is None or view.masks is not None:
         return estimate
-    check = check_masks(
+    line = lost_objects(
         turned_pixels(masks, -view.turns),
         turned_pixels(space.objects, -view.turns),
         turned_pixels(space.frame.depth, -view.turns),
     )
-    warnings = estimate.details["warnings"]
-    if check.verdict == GOOD or check.line in warnings:
+    if line is None or line in view.warnings:
         return estimate
-    return replace(estimate, details={**estimate.details, "warnings": [*warnings, check.line]})
+    warnings = [*estimate.details["warnings"], line]
+    return replace(estimate, details={**estimate.details, "warnings": warnings})
 
 
 def cleaned(

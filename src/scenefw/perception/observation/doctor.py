@@ -11,15 +11,15 @@ from scenefw.core.errors import InputError
 from scenefw.core.floors import Floor
 from scenefw.core.protocols import FloorFinding
 from scenefw.core.settings import NOT_NEGATIVE, SHARE, above, between
-from scenefw.core.types import Float32, Frame, Int32
+from scenefw.core.types import Frame
 from scenefw.data.files.image_checks import check_depth
 from scenefw.perception.observation.colour_alignment import colour_shift
-from scenefw.perception.observation.components import EDGE, TOUCH, depth_parts
+from scenefw.perception.observation.components import TOUCH
 from scenefw.perception.observation.depth_reading import better_reading, blended_ratio
 from scenefw.perception.observation.floor import FloorFinder
 from scenefw.perception.observation.levels import lower_level
 from scenefw.perception.observation.object_groups import MAX_UNSAID_RATIO
-from scenefw.perception.observation.points import MAJORITY, MINORITY
+from scenefw.perception.observation.points import MINORITY
 from scenefw.perception.observation.workspace import OUTSIDE_CUBE, Workspace
 
 GOOD, ODD, UNUSABLE = "good", "odd", "unusable"
@@ -64,6 +64,7 @@ NO_OBJECTS = Check(
     "nothing stands on the floor, or only what is flat",
     "check that objects are in view and that the depth scale is right",
 )
+"""Of an image in which nothing is found."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -336,7 +337,7 @@ def _check_flat(workspace: Workspace) -> list[Check]:
         return []
     finding = (
         f"{len(workspace.flat)} thing(s) too flat for an object, the largest at the "
-        f"{_place(workspace.flat[0])} of the image"
+        f"{place_in_words(workspace.flat[0])} of the image"
     )
     return [Check("flat", ODD, finding, "mark them (run.masks)")]
 
@@ -347,7 +348,7 @@ def _check_other_surfaces(workspace: Workspace) -> list[Check]:
     masks["what stands beside the floor"] = workspace.unsupported
     total = workspace.objects.sum() + sum(mask.sum() for mask in masks.values())
     parts = [
-        f"{mask.sum() / total:.0%} {kind} at the {_place(mask)}"
+        f"{mask.sum() / total:.0%} {kind} at the {place_in_words(mask)}"
         for kind, mask in masks.items()
         if kind != OUTSIDE_CUBE and mask.sum() > MAX_UNSAID_RATIO * total
     ]
@@ -357,29 +358,7 @@ def _check_other_surfaces(workspace: Workspace) -> list[Check]:
     return [Check("others", ODD, finding, "if they are, mark them (run.masks)")]
 
 
-def check_masks(masks: Int32, standing: NDArray[np.bool_], depth: Float32) -> Check:
-    """Whether what stands on a floor became an object.
-
-    Args:
-        masks: (H, W) ids of objects, 0 = none.
-        standing: (H, W) pixels of what stands on the floor.
-        depth: (H, W) metres.
-    """
-    if not masks.any():
-        return NO_OBJECTS
-    parts = depth_parts(depth, standing, EDGE)
-    explained = np.bincount(parts.ravel(), masks.ravel() > 0) > MAJORITY * np.bincount(
-        parts.ravel()
-    )
-    missing = standing & ~explained[parts]
-    ratio = missing.sum() / max(standing.sum(), 1)
-    if ratio <= MAX_UNSAID_RATIO:
-        return Check("masks", GOOD, "what stands on the floor is objects")
-    finding = f"{ratio:.0%} of what stands became no object, at the {_place(missing)} of the image"
-    return Check("masks", ODD, finding, "mark what is one (run.masks)")
-
-
-def _place(mask: NDArray[np.bool_]) -> str:
+def place_in_words(mask: NDArray[np.bool_]) -> str:
     """Where most pixels (H, W) are, in words."""
     rows, columns = np.nonzero(mask)
     row = int(3 * np.median(rows) / mask.shape[0])

@@ -52,8 +52,12 @@ class FloorNoise:
         return np.asarray(self.sigma * depth.astype(np.float64) ** 2)
 
     def reach(self, depth: Float32) -> Float64:
-        """Heights (m) up to which errors of the floor's depth may lift it, at depths (m)."""
-        return _REACH * self.at(depth)
+        """Heights (m) up to which errors may lift many neighbouring pixels, at depths (m).
+
+        Independent errors lift single pixels alone, none of which counts.
+        """
+        reach = _REACH * self.at(depth)
+        return reach if self.is_correlated else np.minimum(reach, MAX_FLOOR_HEIGHT)
 
 
 def has_correlated_noise(heights: Float64) -> bool:

@@ -198,10 +198,10 @@ class WorkspaceFinder:
         """What the pixels of a posed frame show; of a known region, only objects are in it."""
         points = world_points(frame)
         heights = points[..., 2]
-        min_height = np.full(heights.shape, MAX_FLOOR_HEIGHT)
-        if region is None:  # who marks objects marks some of the floor, too
-            reach = FloorNoise.of(heights, frame.depth).reach(frame.depth)
-            min_height = np.clip(reach, self.floor_margin, MAX_FLOOR_HEIGHT)
+        noise = FloorNoise.of(heights, frame.depth)
+        min_height = np.clip(noise.reach(frame.depth), self.floor_margin, MAX_FLOOR_HEIGHT)
+        if region is not None:  # marks show some of the floor, too
+            min_height = np.full(heights.shape, MAX_FLOOR_HEIGHT)
         raised = heights > min_height  # NaN where no depth: not raised
         on_floor = np.abs(heights) < min_height
         if region is not None:
@@ -215,7 +215,7 @@ class WorkspaceFinder:
         objects = standing_pixels(frame.depth, points, things, min_height, min_pixels)
         flat = tuple(
             pixels
-            for pixels in flat_things(heights, frame.depth, self.floor_margin)
+            for pixels in flat_things(heights, noise.at(frame.depth), self.floor_margin)
             if objects[pixels].mean() < MAJORITY
         )
         return _Surfaces(frame, points, min_height, raised, on_floor, objects, obstacles, flat)

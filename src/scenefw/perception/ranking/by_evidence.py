@@ -9,6 +9,7 @@ import numpy as np
 
 from scenefw.fitting.placed import OUTLIERS
 from scenefw.perception.evidence.object_depth import object_depth
+from scenefw.perception.observation.floor_noise import MAX_FLOOR_HEIGHT
 from scenefw.perception.observation.pixels import coarse_step
 from scenefw.perception.observation.points import rays, world_points
 
@@ -36,8 +37,7 @@ class EvidenceRanking:
     number before.
 
     Args:
-        tolerances: how far measured points lie from a surface, up to where they count as on it, and
-            above which height they show objects.
+        tolerances: how far measured points lie from a surface, and up to where they count as on it.
     """
 
     def __init__(self, tolerances: Tolerances) -> None:
@@ -47,7 +47,7 @@ class EvidenceRanking:
         """The scenes of one image with their evidence: the first, then what explains it best."""
         if not scenes:
             return []
-        measurement = _measure(scenes[0].frame, scenes[0].grid, self.tolerances.floor_margin)
+        measurement = _measure(scenes[0].frame, scenes[0].grid)
         candidates = [
             self._with_evidence(scene, number, measurement)
             for number, scene in enumerate(scenes, start=1)
@@ -88,7 +88,7 @@ class _Measurement:
     inside: NDArray[np.bool_]
 
 
-def _measure(frame: Frame, grid: GridSpec, min_height: float) -> _Measurement:
+def _measure(frame: Frame, grid: GridSpec) -> _Measurement:
     """What a frame in world coordinates shows."""
     camera, step = frame.camera, coarse_step(frame.camera.width)
     points = world_points(frame)[::step, ::step]
@@ -97,7 +97,7 @@ def _measure(frame: Frame, grid: GridSpec, min_height: float) -> _Measurement:
     eye, slope = camera.T_world_camera[2, 3], rays(camera, step) @ camera.T_world_camera[2, :3]
     with np.errstate(divide="ignore"):
         floor = np.where(eye * slope < 0, -eye / slope, np.inf)
-    objects = np.asarray(points[..., 2] > min_height)
+    objects = np.asarray(points[..., 2] > MAX_FLOOR_HEIGHT)
     depth = frame.depth[::step, ::step]
     return _Measurement(camera, depth, floor, objects, np.asarray(inside))
 

@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 from tests.unit.perception.observation.test_colour_alignment import painted
 from tests.unit.perception.obstacles import OBSTACLES
-from tests.unit.perception.synthetic import STACK, Box, camera_at, frame_of
+from tests.unit.perception.synthetic import camera_at, frame_of
 
 from scenefw.core.errors import ConfigError, InputError
 from scenefw.core.floors import Floor
@@ -293,21 +293,3 @@ def test_a_second_table_lower_down_is_told(frame):
     workspace = WorkspaceFinder(OBSTACLES).find(replace(frame, depth=depth), floor, GridSpec())
     warnings = Doctor().examine_workspace(floor, workspace)
     assert any("another surface lies" in warning for warning in warnings)
-
-
-@pytest.mark.parametrize("size", [(160, 120), (320, 240)])
-def test_what_stands_and_became_no_object_is_told(size):
-    beside = Box((0.25, 0.1, 0.0), (0.35, 0.2, 0.1))
-    frame = frame_of(camera_at(size=size), (*STACK, beside), noise=0.001)
-    standing = frame.labels > 0
-
-    def check(masks):
-        return doctor.check_masks(masks.astype(np.int32), standing, frame.depth)
-
-    assert check(frame.labels).verdict == doctor.GOOD
-    assert check(np.zeros_like(frame.labels)) == doctor.NO_OBJECTS
-    line = check(np.where(frame.labels == 3, 0, frame.labels)).line
-    assert "became no object, at the" in line
-    assert "right of the image" in line
-    edges = np.random.default_rng(0).random(frame.labels.shape) < 0.3
-    assert check(np.where(edges, 0, frame.labels)).verdict == doctor.GOOD

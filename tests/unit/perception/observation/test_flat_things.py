@@ -10,6 +10,7 @@ from scenefw.core.types import GridSpec
 from scenefw.perception.observation.doctor import Doctor
 from scenefw.perception.observation.flat_things import flat_things
 from scenefw.perception.observation.floor import FloorFinder
+from scenefw.perception.observation.floor_noise import FloorNoise
 from scenefw.perception.observation.points import world_points
 from scenefw.perception.observation.workspace import WorkspaceFinder
 
@@ -22,14 +23,18 @@ CARDS = Box((0.18, -0.1, 0.0), (0.26, 0.05, 0.006))
 def test_a_flat_box_is_seen_and_no_other(size, noise):
     camera = camera_at(size=size)
     frame = frame_of(camera, (*STACK, PHONE), noise=noise)
-    heights = world_points(replace(frame, camera=camera))[..., 2]
-    (pixels,) = flat_things(heights, frame.depth, 0.005)
+    (pixels,) = flat_things_of(frame, camera)
     phone = frame.labels == 3
     assert phone[pixels].mean() > 0.95
     assert pixels[phone].mean() > 0.5
     empty = frame_of(camera, STACK, noise=noise)
-    heights = world_points(replace(empty, camera=camera))[..., 2]
-    assert flat_things(heights, empty.depth, 0.005) == []
+    assert flat_things_of(empty, camera) == []
+
+
+def flat_things_of(frame, camera):
+    heights = world_points(replace(frame, camera=camera))[..., 2]
+    noise = FloorNoise.of(heights, frame.depth)
+    return flat_things(heights, noise.at(frame.depth), 0.005)
 
 
 def test_the_doctor_tells_flat_things():

@@ -74,3 +74,14 @@ def test_noise_of_an_image_grows_with_depth_squared(factor):
     assert noise.sigma == pytest.approx(0.002, rel=0.05)
     assert not noise.is_correlated
     np.testing.assert_allclose(noise.at(np.float32([1.0, 2.0])), noise.sigma * np.array([1, 4]))
+
+
+@pytest.mark.parametrize("distance", [0.7, 2.0])
+def test_waves_reach_as_high_as_they_are_and_single_pixels_no_thing(distance):
+    depth = np.full((2, 2), distance, np.float32)
+    sigma = 0.002
+    waves = FloorNoise(sigma, is_correlated=True).reach(depth)
+    np.testing.assert_allclose(waves, 7 * sigma * distance**2, rtol=1e-6)
+    single = FloorNoise(sigma, is_correlated=False).reach(depth)
+    np.testing.assert_allclose(single, np.minimum(waves, 0.015), rtol=1e-6)
+    assert not FloorNoise(0.0, is_correlated=False).reach(depth).any()
